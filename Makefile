@@ -1,0 +1,70 @@
+# make demo | test | bench | study | lint: each makes .venv itself, with the packages it needs.
+# PYTHON=/path/to/python3 chooses another interpreter.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+# Workers of the test run; the ROS tests all run in one of them (see test/conftest.py).
+JOBS   ?= auto
+
+# The ROS wheels restart Python once and mark that in this variable; inherited by the Python of
+# this environment, the mark would keep its own wheels from being found.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONHOME
+# A random domain and no network: runs beside each other never mix their topics.
+export ROS_DOMAIN_ID := $(shell $(PYTHON) -c 'import random; print(random.randint(1, 100))')
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+RUN_STAMP := $(VENV)/installed-run
+DEV_STAMP := $(VENV)/installed-dev
+INSTALL    = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: help demo test bench study lint clean
+help:
+	@echo "make demo   a piezo stage linearised through ROS, and a measured actuator identified (about 3 minutes)"
+	@echo "make test   the tests"
+	@echo "make bench  the benchmarks"
+	@echo "make study  the full hidden-effect study (hours; resumable)"
+	@echo "make lint   ruff and mypy"
+
+demo: $(RUN_STAMP)
+	@$(BIN)/fomrc demo
+
+test: $(DEV_STAMP)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(ARGS)
+
+bench: $(DEV_STAMP)
+	@$(BIN)/python -m pytest benchmarks -p no:xdist --benchmark-only $(ARGS)
+
+study: $(DEV_STAMP)
+	@$(BIN)/python test/hidden/study.py $(ARGS)
+
+lint: $(DEV_STAMP)
+	@$(BIN)/ruff check . && $(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) build install log demo_output .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+
+$(BIN)/python:
+	@$(PYTHON) -m venv --clear $(VENV) >/dev/null 2>&1 || { \
+	  rm -rf $(VENV); \
+	  echo "make: '$(PYTHON) -m venv' failed: install python3 and python3-venv (Debian, Ubuntu: apt install python3-venv), or name another interpreter with PYTHON=..." >&2; \
+	  exit 1; }
+
+# Where a ROS installation is sourced its own rclpy is used; elsewhere it comes as wheels.
+$(RUN_STAMP): setup.py setup.cfg pyproject.toml | $(BIN)/python
+	@if $(BIN)/python -c 'import importlib.util as u, sys; sys.exit(u.find_spec("rclpy") is None or u.find_spec("ros_wheels_bootstrapper") is not None)'; then \
+	  extras=fast,bags; \
+	elif $(BIN)/python -c 'import platform, sys; sys.exit(not ((3, 10) <= sys.version_info[:2] <= (3, 14) and platform.python_implementation() == "CPython" and platform.machine() in ("x86_64", "AMD64") and sys.platform == "linux"))'; then \
+	  extras=ros,fast,bags; \
+	else \
+	  echo "make: no ROS found, and its wheels need CPython 3.10-3.14 on x86-64 Linux; $(PYTHON) is $$($(BIN)/python -c 'import platform as p; print(p.python_implementation(), p.python_version(), "on", p.machine(), p.system())'): name another with PYTHON=..., or source a ROS 2 installation" >&2; \
+	  rm -rf $(VENV); exit 1; \
+	fi; \
+	echo "Installing into $(VENV) (a minute or so, once) ..."; \
+	$(INSTALL) -e ".[$$extras]"
+	@touch $@
+
+$(DEV_STAMP): $(RUN_STAMP)
+	@echo "Installing what the tests need ..."
+	@$(INSTALL) -e ".[test,bench,lint]"
+	@touch $@

@@ -1,0 +1,63 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = "fomrc_ros"
+
+extras = {
+    # A ROS installation brings its own rclpy; these wheels are for machines without one
+    # (CPython 3.10-3.14 on x86-64 Linux).
+    "ros": [
+        "ros-rclpy[fastrtps]>=7.1",
+        "ros-std-msgs",
+        "ros-std-srvs",
+        "ros-sensor-msgs",
+        "ros-diagnostic-msgs",
+        "ros-lifecycle-msgs",
+        "ros-rcl-interfaces",
+    ],
+    "fast": ["numba>=0.59"],
+    "bags": ["rosbags>=0.10"],
+    # colcon recognises the test framework by 'pytest' in an extra of this name.
+    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100"],
+    "bench": ["pytest-benchmark>=4"],
+    "lint": ["ruff>=0.6", "mypy>=1.10", "types-PyYAML"],
+}
+extras["all"] = sorted({requirement for group in extras.values() for requirement in group})
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Hysteresis and creep of piezo actuators: simulate, invert, fit, find what a model misses",
+    license="Apache-2.0",
+    maintainer="fomrc maintainers",
+    maintainer_email="maintainers@fomrc.invalid",
+    python_requires=">=3.10",
+    packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),
+    install_requires=[
+        "setuptools",
+        "numpy>=1.23",
+        "scipy>=1.10",
+        "PyYAML>=6.0",
+        "matplotlib>=3.6",
+        "typer>=0.12",
+        "rich>=13",
+        "pooch>=1.7",
+    ],
+    extras_require=extras,
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/config", sorted(glob("config/*"))),
+        (f"share/{package_name}/launch", sorted(glob("launch/*.launch.*"))),
+    ],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "fomrc = fomrc_core.cli:main",
+            "compensator = fomrc_ros.compensator_node:main",
+            "simulated_pea = fomrc_ros.simulated_pea_node:main",
+            "identification = fomrc_ros.identification_node:main",
+        ],
+    },
+)
