@@ -16,7 +16,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 RUN_STAMP := $(VENV)/installed-run
 DEV_STAMP := $(VENV)/installed-dev
-INSTALL    = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL    = $(BIN)/python -m pip install -qq --disable-pip-version-check
 
 .PHONY: help demo test bench study lint clean
 help:
