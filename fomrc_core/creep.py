@@ -33,7 +33,7 @@ from scipy.special import gamma
 from fomrc_core.compiled import compiled
 from fomrc_core.errors import ParameterError
 
-SHORTEST_TIME_S = 1e-3
+SHORTEST_TIME_S = 2e-4
 LONGEST_TIME_S = 1e5
 DEFAULT_ACCURACY = 1e-6
 

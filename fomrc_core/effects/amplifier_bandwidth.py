@@ -1,0 +1,64 @@
+"""The voltage amplifier is a first-order low-pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import run_lag
+
+@dataclass(frozen=True)
+class AmplifierBandwidth(Effect):
+    """First-order low-pass on the drive, exact for a drive linear between samples."""
+
+    name: ClassVar[str] = "amplifier_bandwidth"
+    place: ClassVar[Place] = Place.AMPLIFIER_BANDWIDTH
+    stage: ClassVar[Stage] = Stage.DRIVE
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("cutoff_hz", "Hz", 1e-3, 1e6, is_log=True, description="-3 dB frequency"),
+    )
+    main_parameter: ClassVar[str] = "cutoff_hz"
+    meaning: ClassVar[str] = "The amplifier charges the capacitive actuator through a resistance, so the drive lags."
+    signature: ClassVar[str] = (
+        "residual follows the rate of the drive, opens the loop with rising slope, decays exponentially after a step"
+    )
+    experiment: ClassVar[str] = "steps, and a multisine that reaches beyond the cutoff"
+    inverse_note: ClassVar[str] = "inverted: the voltage leads by the time constant times its rate"
+    needs_substeps: ClassVar[bool] = True
+    can_invert: ClassVar[bool] = True
+
+    cutoff_hz: float
+
+    @property
+    def time_constant_s(self) -> float:
+        """Time constant [s]."""
+        return 1.0 / (2.0 * np.pi * self.cutoff_hz)
+
+    def initial_state(self) -> Array:
+        """Return (output, input) [V] of the step before, at rest."""
+        return np.zeros(2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the amplifier's output [V], shape (n_samples,)."""
+        out = np.empty(values.size)
+        run_lag(state, self.time_constant_s, values, steps_s, out)
+        return out
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the drive [V] that gives the wanted output; backward difference, so it cannot ring.
+
+        The exact inverse of the sampled filter has its pole close to -1 and would ring at half the sample rate.
+        """
+        before = np.concatenate((state[:1], values[:-1]))
+        state[0] = state[1] = values[-1]
+        return values + self.time_constant_s * (values - before) / steps_s
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return cutoffs from a fiftieth of the sample rate to the sample rate, slower ones for slow drives."""
+        rate = 1.0 / evidence.sample_period_s
+        return [cls(cutoff_hz=rate * share) for share in (0.01, 0.03, 0.1, 0.3, 1.0)]

@@ -1,0 +1,60 @@
+"""The voltage amplifier ends at its supply rails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.errors import ParameterError
+
+_NO_LIMIT_V = 1e6
+
+
+@dataclass(frozen=True)
+class AmplifierSaturation(Effect):
+    """Clamp on the drive; a side that does not act stands at +-1e6 V."""
+
+    name: ClassVar[str] = "amplifier_saturation"
+    place: ClassVar[Place] = Place.AMPLIFIER_SATURATION
+    stage: ClassVar[Stage] = Stage.DRIVE
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("low_v", "V", -_NO_LIMIT_V, _NO_LIMIT_V, description="lowest output"),
+        Parameter("high_v", "V", -_NO_LIMIT_V, _NO_LIMIT_V, description="highest output"),
+    )
+    main_parameter: ClassVar[str] = "high_v"
+    meaning: ClassVar[str] = "The amplifier reaches its supply and holds there while the command goes on."
+    signature: ClassVar[str] = "residual only beyond one voltage, flat displacement there"
+    experiment: ClassVar[str] = "a slow triangle over the whole range, then one over nine tenths of it"
+    inverse_note: ClassVar[str] = "no inverse: displacement beyond the rails cannot be had"
+    needs_substeps: ClassVar[bool] = True
+
+    low_v: float = -_NO_LIMIT_V
+    high_v: float = _NO_LIMIT_V
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.low_v < self.high_v:
+            raise ParameterError("low_v is not below high_v", where=self.name, value=(self.low_v, self.high_v),
+                                 allowed="low_v < high_v")  # fmt: skip
+
+    def initial_state(self) -> Array:
+        """Return an empty state: the clamp has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the clamped drive [V], shape (n_samples,)."""
+        return np.clip(values, self.low_v, self.high_v)
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return clamps a little inside the range of the drive, on either side and on both."""
+        low, high = evidence.smallest_v, evidence.largest_v
+        trials: list[Effect] = []
+        for share in (0.02, 0.06, 0.15):
+            margin = share * (high - low)
+            trials += [cls(high_v=high - margin), cls(low_v=low + margin), cls(low + margin, high - margin)]
+        return trials

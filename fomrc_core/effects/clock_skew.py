@@ -1,0 +1,68 @@
+"""Drive and sensor are timed by two clocks that do not agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import DELAY_CAPACITY, delay_state
+
+@dataclass(frozen=True)
+class ClockSkew(Effect):
+    """The sensor's sample at nominal time t was taken at t (1 + ppm 1e-6) of the drive's clock.
+
+    In a batch the drive is read at the sensor's true times, linear between samples. Stepwise the future of the
+    drive is not known: a positive skew then continues the last slope of the drive.
+    """
+
+    name: ClassVar[str] = "clock_skew"
+    place: ClassVar[Place] = Place.CLOCK_SKEW
+    stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("ppm", "ppm", -1e5, 1e5, description="how much faster the drive's clock runs"),
+    )
+    main_parameter: ClassVar[str] = "ppm"
+    meaning: ClassVar[str] = "The recorder's clock and the drive's clock differ, so the record shears in time."
+    signature: ClassVar[str] = "residual follows the rate of the drive and grows from the start of the record to its end"
+    experiment: ClassVar[str] = "the same fast triangle at the start and at the end of a long record"
+    inverse_note: ClassVar[str] = "nothing to invert: it belongs to the recording, not to the actuator"
+    linear_parameters: ClassVar[tuple[str, ...]] = ("ppm",)
+
+    ppm: float
+
+    def initial_state(self) -> Array:
+        """Return an empty buffer of the drive: count, elapsed time [s], then times and voltages."""
+        return delay_state()
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the drive [V] at the sensor's true times, shape (n_samples,)."""
+        kept = min(int(state[0]), _KEPT)
+        old_times, old_values = state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept]
+        start = np.cumsum(np.concatenate((state[1:2], steps_s)))[1:]
+        if state[0] == 0.0:
+            start = start - steps_s[0]  # the first sample is the common zero of both clocks
+        times = np.concatenate((old_times, start))
+        drive = np.concatenate((old_values, values))
+        wanted = start * (1.0 + 1e-6 * self.ppm)
+        out = np.interp(wanted, times, drive)
+        beyond = wanted > times[-1]
+        if times.size > 1 and np.any(beyond):
+            slope = (drive[-1] - drive[-2]) / (times[-1] - times[-2])
+            out[beyond] = drive[-1] + slope * (wanted[beyond] - times[-1])
+        kept = min(times.size, _KEPT)
+        state[0], state[1] = kept, start[-1]
+        state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept] = times[-kept:], drive[-kept:]
+        return out
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return skews of either sign that shift the end of the record by a fraction of a sample and more."""
+        unit = 1e6 * evidence.sample_period_s / evidence.duration_s
+        return [cls(ppm=unit * shift) for shift in (0.5, -0.5, 3.0, -3.0, 15.0, -15.0)]
+
+
+_KEPT = DELAY_CAPACITY

@@ -1,0 +1,48 @@
+"""The other axis of the stage moves this one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+
+@dataclass(frozen=True)
+class CrossAxis(Effect):
+    """A share of the second axis's recorded signal added to the displacement."""
+
+    name: ClassVar[str] = "cross_axis"
+    place: ClassVar[Place] = Place.CROSS_AXIS
+    stage: ClassVar[Stage] = Stage.SENSED
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("gain", "um/um or um/V", -1e3, 1e3, description="displacement per unit of the second axis"),
+    )
+    main_parameter: ClassVar[str] = "gain"
+    meaning: ClassVar[str] = "Guide and sensor are not square to each other, so the other axis leaks into this one."
+    signature: ClassVar[str] = "residual follows the second axis, also while this axis rests"
+    experiment: ClassVar[str] = "move the second axis while this one rests"
+    inverse_note: ClassVar[str] = "inverted where the second axis is known while running"
+    can_invert: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("gain",)
+
+    gain: float
+
+    def initial_state(self) -> Array:
+        """Return an empty state: the coupling has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] with the share of the second axis, shape (n_samples,)."""
+        return values if covariate is None else values + self.gain * covariate
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] without the share of the second axis."""
+        return values if covariate is None else values - self.gain * covariate
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return a gain where a second axis was recorded."""
+        return [cls(gain=0.01)] if any(r.has_second_axis for r in evidence.records) else []

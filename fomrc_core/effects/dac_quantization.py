@@ -1,0 +1,81 @@
+"""The drive comes from a converter with finite steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+
+@dataclass(frozen=True)
+class DacQuantization(Effect):
+    """Rounding of the drive to multiples of a step, at the samples."""
+
+    name: ClassVar[str] = "dac_quantization"
+    place: ClassVar[Place] = Place.DAC_QUANTIZATION
+    stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("step_v", "V", 1e-9, 1e3, is_log=True, description="step of the converter"),
+    )
+    main_parameter: ClassVar[str] = "step_v"
+    meaning: ClassVar[str] = "The converter that makes the drive has too few bits, so the voltage moves in steps."
+    signature: ClassVar[str] = "residual is a sawtooth of the commanded voltage, with the step as its period"
+    experiment: ClassVar[str] = "a triangle so slow that many samples fall on each step"
+    inverse_note: ClassVar[str] = "no inverse: positions between two steps cannot be had"
+
+    step_v: float
+
+    def initial_state(self) -> Array:
+        """Return an empty state: rounding has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the rounded drive [V], shape (n_samples,)."""
+        return np.rint(values / self.step_v) * self.step_v
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return the steps at which the residual, sorted by voltage, shows a sawtooth.
+
+        Rounding is a sawtooth of the voltage, its first harmonic sin(2 pi u / step): one Fourier transform of the
+        residual over voltage finds every step at once.
+        """
+        low, high = evidence.smallest_v, evidence.largest_v
+        span = high - low
+        if span <= 0.0:
+            return []
+        n_bins = 1 << 17
+        sums = np.zeros(n_bins)
+        for record in evidence.records:
+            moving = np.abs(np.gradient(record.voltage_v)) > 0.0
+            bins = ((record.voltage_v[moving] - low) / span * (n_bins - 1)).astype(np.int64)
+            # differences take out what is slow in time: the sawtooth is fast in voltage and so in time
+            fast = record.residual_um - _running_mean(record.residual_um, 25)
+            sums += np.bincount(bins, weights=fast[moving], minlength=n_bins)
+        n_padded = 4 * n_bins
+        spectrum = np.abs(np.fft.rfft(sums, n_padded))
+        spectrum[:80] = 0.0
+        width = span * n_padded / (n_bins - 1)
+        trials: list[Effect] = []
+        for _ in range(3):
+            peak = int(np.argmax(spectrum))
+            if peak == 0 or spectrum[peak] == 0.0:
+                break
+            offset = 0.0
+            if 0 < peak < spectrum.size - 1:
+                left, top, right = spectrum[peak - 1 : peak + 2]
+                curvature = left - 2.0 * top + right
+                offset = 0.5 * (left - right) / curvature if curvature < 0.0 else 0.0
+            trials.append(cls(step_v=width / (peak + offset)))
+            spectrum[max(peak - 12, 0) : peak + 13] = 0.0
+        return trials
+
+
+def _running_mean(values: Array, half_width: int) -> Array:
+    padded = np.concatenate((np.repeat(values[:1], half_width), values, np.repeat(values[-1:], half_width)))
+    total = np.concatenate(([0.0], np.cumsum(padded)))
+    width = 2 * half_width + 1
+    return (total[width:] - total[:-width]) / width

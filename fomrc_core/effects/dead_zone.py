@@ -1,0 +1,50 @@
+"""The drive does nothing until it has left a band around zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+
+@dataclass(frozen=True)
+class DeadZone(Effect):
+    """Symmetric dead zone about zero volts."""
+
+    name: ClassVar[str] = "dead_zone"
+    place: ClassVar[Place] = Place.DEAD_ZONE
+    stage: ClassVar[Stage] = Stage.DRIVE
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("half_width_v", "V", 0.0, 1e3, description="half width of the band"),
+    )
+    main_parameter: ClassVar[str] = "half_width_v"
+    meaning: ClassVar[str] = "An output stage with crossover distortion passes nothing near zero volts."
+    signature: ClassVar[str] = "displacement rests while the drive crosses zero; elsewhere it is short by a constant"
+    experiment: ClassVar[str] = "a slow triangle of small amplitude about zero volts"
+    inverse_note: ClassVar[str] = "inverted: the voltage jumps across the band"
+    needs_substeps: ClassVar[bool] = True
+    can_invert: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("half_width_v",)
+
+    half_width_v: float
+
+    def initial_state(self) -> Array:
+        """Return an empty state: the dead zone has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return what passes [V], shape (n_samples,)."""
+        return values - np.clip(values, -self.half_width_v, self.half_width_v)
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the drive [V] that passes the wanted voltage."""
+        return values + np.sign(values) * self.half_width_v
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return widths of some thousandths to some hundredths of the range."""
+        span = evidence.largest_v - evidence.smallest_v
+        return [cls(half_width_v=span * share) for share in (0.003, 0.01, 0.04)]

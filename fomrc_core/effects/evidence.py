@@ -1,0 +1,71 @@
+"""What an effect may look at to propose trial instances of itself: the records and what the model left over."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordEvidence:
+    """One record with the residual of the present model, all arrays of shape (n_samples,).
+
+    Attributes:
+        time_s: sample times from the record's start [s].
+        steps_s: step that leads to each sample [s].
+        voltage_v: drive [V].
+        predicted_um: displacement the present model gives [um].
+        residual_um: measured minus predicted [um], offset removed.
+        has_temperature: whether the temperature was recorded.
+        has_second_axis: whether a second axis was recorded.
+    """
+
+    time_s: Array
+    steps_s: Array
+    voltage_v: Array
+    predicted_um: Array
+    residual_um: Array
+    has_temperature: bool = False
+    has_second_axis: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All records a diagnosis learns from."""
+
+    records: tuple[RecordEvidence, ...]
+    noise_um: float
+
+    @property
+    def sample_period_s(self) -> float:
+        """Median step of the first record [s]."""
+        return float(np.median(self.records[0].steps_s))
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the longest record [s]."""
+        return max(float(record.time_s[-1]) for record in self.records)
+
+    @property
+    def largest_v(self) -> float:
+        """Largest voltage of any record [V]."""
+        return max(float(np.max(record.voltage_v)) for record in self.records)
+
+    @property
+    def smallest_v(self) -> float:
+        """Smallest voltage of any record [V]."""
+        return min(float(np.min(record.voltage_v)) for record in self.records)
+
+    @property
+    def fastest_v_per_s(self) -> float:
+        """Largest rate of the drive [V/s]."""
+        return max(float(np.max(np.abs(np.diff(r.voltage_v) / r.steps_s[1:]))) for r in self.records)
+
+    @property
+    def stroke_um(self) -> float:
+        """Range of the predicted displacement [um]."""
+        return max(float(np.ptp(record.predicted_um)) for record in self.records)

@@ -1,0 +1,87 @@
+"""Something pushes against the stage for part of the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import elapsed_times
+
+_NEVER_S = 1e9
+
+
+@dataclass(frozen=True)
+class ExternalLoad(Effect):
+    """A constant displacement between onset and release: a force divided by the stage's stiffness."""
+
+    name: ClassVar[str] = "external_load"
+    place: ClassVar[Place] = Place.EXTERNAL_LOAD
+    stage: ClassVar[Stage] = Stage.SENSED
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("displacement_um", "um", -1e3, 1e3, description="force over stiffness"),
+        Parameter("onset_s", "s", 0.0, _NEVER_S, description="when it begins, from the record's start"),
+        Parameter("release_s", "s", 0.0, _NEVER_S, description="when it ends"),
+    )
+    main_parameter: ClassVar[str] = "displacement_um"
+    meaning: ClassVar[str] = "A weight, a cable or a hand loads the stage from one moment to another."
+    signature: ClassVar[str] = "the residual jumps at one moment that has nothing to do with the drive, and stays"
+    experiment: ClassVar[str] = "hold the drive at rest and load and unload the stage on purpose"
+    inverse_note: ClassVar[str] = "not inverted: when it comes is not known beforehand"
+    is_record_bound: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("displacement_um",)
+
+    displacement_um: float
+    onset_s: float
+    release_s: float = _NEVER_S
+
+    def initial_state(self) -> Array:
+        """Return (elapsed [s], started)."""
+        return np.zeros(2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] under the load, shape (n_samples,)."""
+        t = np.empty(steps_s.size)
+        elapsed_times(state, steps_s, t)
+        return values + self.displacement_um * ((t >= self.onset_s) & (t < self.release_s))
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return the best single step and the best pulse of each record's residual, by cumulated sums."""
+        trials: list[Effect] = []
+        for record in evidence.records:
+            r = record.residual_um - np.mean(record.residual_um)
+            total = np.concatenate(([0.0], np.cumsum(r)))
+            n = r.size
+            k = np.arange(1, n)
+            onset = int(k[np.argmax(total[k] ** 2 / (k * (n - k)))])
+            step = -total[onset] * n / (onset * (n - onset))
+            trials.append(cls(float(step), float(record.time_s[onset])))
+            start, stop, size = _best_pulse(total)
+            if 0 < start < stop < n:
+                trials.append(cls(size, float(record.time_s[start]), float(record.time_s[stop])))
+        return trials
+
+
+def _best_pulse(total: Array) -> tuple[int, int, float]:
+    n = total.size - 1
+    coarse = np.unique(np.linspace(0, n, 400).astype(int))
+    best = (0.0, 0, n)
+    for _ in range(2):
+        c = total[coarse]
+        length = (coarse[None, :] - coarse[:, None]).astype(float)
+        inside = c[None, :] - c[:, None]
+        valid = (length > 0) & (length < n)
+        score = np.where(valid, inside**2 / np.where(valid, length * (n - length), 1.0), 0.0)
+        i, j = np.unravel_index(int(np.argmax(score)), score.shape)
+        best = (float(score[i, j]), int(coarse[i]), int(coarse[j]))
+        reach = max(n // 400, 1)
+        around = [np.arange(max(p - reach, 0), min(p + reach, n) + 1, max(reach // 100, 1)) for p in best[1:]]
+        coarse = np.unique(np.concatenate(around))
+    start, stop = best[1], best[2]
+    length_ = max(stop - start, 1)
+    size = (total[stop] - total[start]) / length_ * n / max(n - length_, 1)
+    return start, stop, float(size)

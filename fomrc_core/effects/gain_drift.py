@@ -1,0 +1,46 @@
+"""The gain of the actuator changes while it works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import elapsed_times
+
+@dataclass(frozen=True)
+class GainDrift(Effect):
+    """Displacement times one plus a rate times the time since the start."""
+
+    name: ClassVar[str] = "gain_drift"
+    place: ClassVar[Place] = Place.GAIN_DRIFT
+    stage: ClassVar[Stage] = Stage.SENSED
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("per_s", "1/s", -1.0, 1.0, description="relative change of the gain per second"),
+    )
+    main_parameter: ClassVar[str] = "per_s"
+    meaning: ClassVar[str] = "The ceramic warms under cycling, or the sensor's reference drifts: the stroke changes."
+    signature: ClassVar[str] = "residual is the displacement itself times the time since the start"
+    experiment: ClassVar[str] = "the same triangle again after minutes of work"
+    inverse_note: ClassVar[str] = "not inverted: the drift is that of the record and does not go on for ever"
+    linear_parameters: ClassVar[tuple[str, ...]] = ("per_s",)
+
+    per_s: float
+
+    def initial_state(self) -> Array:
+        """Return (elapsed [s], started)."""
+        return np.zeros(2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] with the changed gain, shape (n_samples,)."""
+        t = np.empty(steps_s.size)
+        elapsed_times(state, steps_s, t)
+        return values * (1.0 + self.per_s * t)
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return a drift of a thousandth over the record."""
+        return [cls(per_s=1e-3 / evidence.duration_s)]

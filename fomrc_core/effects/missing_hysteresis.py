@@ -1,0 +1,55 @@
+"""The model has too few Maxwell elements for the actuator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.kernels import knee_block, run_knees
+from fomrc_core.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class MissingHysteresis(Effect):
+    """Further play operators beside those of the model; a diagnosis folds them into the model's elements."""
+
+    name: ClassVar[str] = "missing_hysteresis"
+    place: ClassVar[Place] = Place.HYSTERESIS
+    stage: ClassVar[Stage] = Stage.HYSTERESIS
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("n_elements", "1", 0.0, 1e4, description="number of elements the data ask for"),
+        Parameter("thresholds_v", "V", 0.0, 1e6, is_list=True, description="half widths of the added plays"),
+        Parameter("weights_um_per_v", "um/V", -1e6, 1e6, is_list=True, description="their weights"),
+    )
+    main_parameter: ClassVar[str] = "n_elements"
+    meaning: ClassVar[str] = "The ceramic has more kinds of domains than the model has elements."
+    signature: ClassVar[str] = "residual has corners at fixed distances after each turning point, at any speed"
+    experiment: ClassVar[str] = "slow triangles of many amplitudes"
+    inverse_note: ClassVar[str] = "inverted: the elements join those of the model"
+    can_invert: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v",)
+
+    n_elements: float
+    thresholds_v: tuple[float, ...] = ()
+    weights_um_per_v: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.thresholds_v) != len(self.weights_um_per_v):
+            raise ParameterError("lists differ in length", where=self.name,
+                                 value=(len(self.thresholds_v), len(self.weights_um_per_v)),
+                                 allowed="two lists of one length")  # fmt: skip
+
+    def initial_state(self) -> Array:
+        """Return the packed plays, relaxed."""
+        thresholds = np.array(self.thresholds_v, dtype=np.float64)
+        return knee_block(thresholds, np.full(thresholds.size, -np.inf), np.array(self.weights_um_per_v))
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return what is added to the elements' sum [um], shape (n_samples,), for the drive [V]."""
+        out = np.empty(values.size)
+        run_knees(state, values, out)
+        return out

@@ -1,0 +1,47 @@
+"""The sensor's reading is not in proportion to the displacement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+
+@dataclass(frozen=True)
+class SensorNonlinearity(Effect):
+    """Quadratic and cubic error of the reading."""
+
+    name: ClassVar[str] = "sensor_nonlinearity"
+    place: ClassVar[Place] = Place.SENSOR_NONLINEARITY
+    stage: ClassVar[Stage] = Stage.SENSED
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("quadratic_per_um", "1/um", -1.0, 1.0, description="quadratic error"),
+        Parameter("cubic_per_um2", "1/um^2", -1.0, 1.0, description="cubic error"),
+    )
+    main_parameter: ClassVar[str] = "quadratic_per_um"
+    meaning: ClassVar[str] = "A capacitive or strain sensor reads a curved scale."
+    signature: ClassVar[str] = "residual is one curve of the displacement, the same on the way up and down"
+    experiment: ClassVar[str] = "a slow triangle over the whole stroke against a reference"
+    inverse_note: ClassVar[str] = "not inverted: the reading errs, not the position"
+    linear_parameters: ClassVar[tuple[str, ...]] = ("quadratic_per_um", "cubic_per_um2")
+
+    quadratic_per_um: float = 0.0
+    cubic_per_um2: float = 0.0
+
+    def initial_state(self) -> Array:
+        """Return an empty state: the scale has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the reading [um], shape (n_samples,)."""
+        return values + values * values * (self.quadratic_per_um + self.cubic_per_um2 * values)
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return both errors at a thousandth of the stroke, alone and together."""
+        stroke = evidence.stroke_um
+        q, c = 1e-3 / stroke, 1e-3 / stroke**2
+        return [cls(quadratic_per_um=q), cls(cubic_per_um2=c), cls(q, -c)]

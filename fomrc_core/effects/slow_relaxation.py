@@ -1,0 +1,70 @@
+"""Beside creep, one relaxation with a time constant of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.compiled import compiled
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import lag_weights, run_lag
+
+@dataclass(frozen=True)
+class SlowRelaxation(Effect):
+    """Displacement plus a share of itself that arrives with one time constant (a Zener element)."""
+
+    name: ClassVar[str] = "slow_relaxation"
+    place: ClassVar[Place] = Place.SLOW_RELAXATION
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude", "1", -0.9, 10.0, description="share of the displacement that arrives late"),
+        Parameter("time_constant_s", "s", 1e-4, 1e6, is_log=True, description="its time constant"),
+    )
+    main_parameter: ClassVar[str] = "amplitude"
+    meaning: ClassVar[str] = "An adhesive layer, clamp or load cell yields slowly, with one time constant."
+    signature: ClassVar[str] = "after each step the residual bends once in log time, where creep is straight"
+    experiment: ClassVar[str] = "one large step held for ten of its time constants"
+    inverse_note: ClassVar[str] = "inverted exactly"
+    can_invert: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("amplitude",)
+
+    amplitude: float
+    time_constant_s: float
+
+    def initial_state(self) -> Array:
+        """Return (late part, input) [um] of the step before, at rest."""
+        return np.zeros(2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement with the late part [um], shape (n_samples,)."""
+        late = np.empty(values.size)
+        run_lag(state, self.time_constant_s, values, steps_s, late)
+        return values + self.amplitude * late
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] before this effect, exactly."""
+        out = np.empty(values.size)
+        _invert_relaxation(state, self.amplitude, self.time_constant_s, values, steps_s, out)
+        return out
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return time constants from ten samples to the length of the record."""
+        shortest, longest = 10.0 * evidence.sample_period_s, evidence.duration_s
+        return [cls(0.01, float(t)) for t in np.geomspace(shortest, longest, 8)]
+
+
+@compiled
+def _invert_relaxation(state: Array, amplitude: float, time_constant_s: float, values: Array, steps_s: Array,
+                       out: Array) -> None:  # fmt: skip
+    late, before = state[0], state[1]
+    for k in range(values.size):
+        decay, ramp = lag_weights(steps_s[k] / time_constant_s)
+        known = decay * late + (1.0 - decay - ramp) * before
+        out[k] = (values[k] - amplitude * known) / (1.0 + amplitude * ramp)
+        late = known + ramp * out[k]
+        before = out[k]
+    state[0], state[1] = late, before

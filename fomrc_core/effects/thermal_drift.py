@@ -1,0 +1,73 @@
+"""The stage expands with temperature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import elapsed_times
+
+@dataclass(frozen=True)
+class ThermalDrift(Effect):
+    """Displacement in proportion to temperature where it is recorded, else a smooth drift in time."""
+
+    name: ClassVar[str] = "thermal_drift"
+    place: ClassVar[Place] = Place.THERMAL_DRIFT
+    stage: ClassVar[Stage] = Stage.SENSED
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("um_per_c", "um/degC", -1e3, 1e3, description="expansion per degree"),
+        Parameter("um_per_s", "um/s", -1e3, 1e3, description="drift where no temperature is recorded"),
+        Parameter("um_per_s2", "um/s^2", -1e3, 1e3, description="its curvature"),
+        Parameter("um_per_s3", "um/s^3", -1e3, 1e3, description="change of its curvature"),
+    )
+    main_parameter: ClassVar[str] = "um_per_c"
+    meaning: ClassVar[str] = "The frame between stage and sensor expands as its temperature changes."
+    signature: ClassVar[str] = "residual follows the temperature, or drifts smoothly whatever the drive does"
+    experiment: ClassVar[str] = "hold the drive at zero for minutes and record the temperature"
+    inverse_note: ClassVar[str] = "inverted where the temperature is known while running; a drift in time is not"
+    can_invert: ClassVar[bool] = True
+    linear_parameters: ClassVar[tuple[str, ...]] = ("um_per_c", "um_per_s", "um_per_s2", "um_per_s3")
+
+    um_per_c: float = 0.0
+    um_per_s: float = 0.0
+    um_per_s2: float = 0.0
+    um_per_s3: float = 0.0
+
+    def initial_state(self) -> Array:
+        """Return (elapsed [s], started, reference temperature [degC])."""
+        return np.array([0.0, 0.0, np.nan])
+
+    def _drift(self, state: Array, steps_s: Array, covariate: Array | None) -> Array:
+        t = np.empty(steps_s.size)
+        elapsed_times(state, steps_s, t)
+        drift = t * (self.um_per_s + t * (self.um_per_s2 + t * self.um_per_s3))
+        if covariate is not None and self.um_per_c != 0.0:
+            if np.isnan(state[2]):
+                state[2] = covariate[0]
+            drift = drift + self.um_per_c * (covariate - state[2])
+        return drift
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] with the drift, shape (n_samples,)."""
+        return values + self._drift(state, steps_s, covariate)
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement [um] without the part the temperature explains."""
+        if covariate is None or self.um_per_c == 0.0:
+            return values
+        if np.isnan(state[2]):
+            state[2] = covariate[0]
+        return values - self.um_per_c * (covariate - state[2])
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return an expansion where the temperature was recorded, a drift in time where it was not."""
+        if all(record.has_temperature for record in evidence.records):
+            return [cls(um_per_c=0.01)]
+        t = evidence.duration_s
+        return [cls(um_per_s=0.01 / t), cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
+                cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3)]  # fmt: skip

@@ -1,0 +1,46 @@
+"""The displacement arrives late by a constant time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.kernels import delay_state, run_delay
+
+@dataclass(frozen=True)
+class TransportDelay(Effect):
+    """Pure delay of the displacement."""
+
+    name: ClassVar[str] = "transport_delay"
+    place: ClassVar[Place] = Place.TRANSPORT_DELAY
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("delay_s", "s", 0.0, 0.5, description="delay"),
+    )
+    main_parameter: ClassVar[str] = "delay_s"
+    meaning: ClassVar[str] = "Conversion, filtering or transmission takes a fixed time between command and reading."
+    signature: ClassVar[str] = "residual follows the rate of the displacement at every frequency, sharp after steps"
+    experiment: ClassVar[str] = "a multisine: phase falls in proportion to frequency while gain stays"
+    inverse_note: ClassVar[str] = "no inverse without looking ahead: shift the target in time where it is known"
+    needs_substeps: ClassVar[bool] = True
+
+    delay_s: float
+
+    def initial_state(self) -> Array:
+        """Return an empty delay line."""
+        return delay_state()
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the delayed displacement [um], shape (n_samples,)."""
+        out = np.empty(values.size)
+        run_delay(state, self.delay_s, values, steps_s, out)
+        return out
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[Effect]:
+        """Return delays from a fraction of a sample to ten samples."""
+        return [cls(delay_s=evidence.sample_period_s * samples) for samples in (0.3, 1.0, 3.0, 10.0)]

@@ -1,0 +1,297 @@
+"""The model of the chain: drive effects, hysteresis, creep, mechanical effects, sensor effects.
+
+Without effects it is the FOMRC of equations (20)-(26): voltage through the play form of the Maxwell elements,
+then the fractional integrator. The drive is linear between samples; where an effect needs it, the chain runs on
+``N_SUBSTEPS`` equal parts of each step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compiled import compiled
+from fomrc_core.creep import CreepModes, check_order, creep_block, creep_modes, integrate_step
+from fomrc_core.effects import Effect, Stage, effect_class
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.errors import ParameterError
+from fomrc_core.hysteresis import OperatorSum, check_elements, hysteresis_block, move_plays, play_form, stop_form
+
+Array = NDArray[np.float64]
+
+N_SUBSTEPS = 5
+
+
+@compiled
+def forward_step(packed: Array, at_creep: int, voltage_v: float, step_s: float) -> float:
+    """Return the displacement [um] after one step; hysteresis block at 0, creep block at ``at_creep``."""
+    return integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v), step_s)
+
+
+@compiled
+def forward(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with the displacement [um] of each sample, shape (n_samples,)."""
+    for k in range(voltage_v.size):
+        out[k] = integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v[k]), steps_s[k])
+
+
+@compiled
+def forward_beside(packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array,
+                   out: Array) -> None:  # fmt: skip
+    """Fill ``out`` with the displacement [um] where something acts beside the elements, shape (n_samples,)."""
+    for k in range(voltage_v.size):
+        out[k] = integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v[k]) + beside_um[k], steps_s[k])
+
+
+@dataclass
+class ModelState:
+    """What a model or a compensator remembers; the one mutable thing, bounded in size.
+
+    Attributes:
+        packed: hysteresis and creep blocks in one array.
+        effects: state of each effect by its name.
+        last_input: input of the last step [V], or [um] for a compensator.
+    """
+
+    packed: Array
+    effects: dict[str, Array] = field(default_factory=dict)
+    last_input: float = 0.0
+
+    def copy(self) -> ModelState:
+        """Return an independent copy."""
+        return ModelState(self.packed.copy(), {k: v.copy() for k, v in self.effects.items()}, self.last_input)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the state as plain numbers and lists."""
+        effects = {name: values.tolist() for name, values in self.effects.items()}
+        return {"packed": self.packed.tolist(), "effects": effects, "last_input": self.last_input}
+
+    @classmethod
+    def from_mapping(cls, mapping: Any, where: str = "state") -> ModelState:
+        """Return the state of a mapping; raises ParameterError for anything that is not one."""
+        try:
+            packed = np.array(mapping["packed"], dtype=np.float64)
+            effects = {str(k): np.array(v, dtype=np.float64) for k, v in mapping["effects"].items()}
+            state = cls(packed, effects, float(mapping["last_input"]))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ParameterError(f"not a saved state ({error})", where=where, allowed="to_mapping()") from None
+        if packed.ndim != 1 or not np.all(np.isfinite(packed)) or not np.isfinite(state.last_input):
+            raise ParameterError("saved state holds values that are not finite", where=where, allowed="finite")
+        return state
+
+
+@dataclass(frozen=True, eq=False)
+class PiezoModel:
+    """A piezo actuator: Maxwell elements, creep order and effects.
+
+    Args:
+        kappa_um_per_v: gains kappa_i [um/V], shape (n + 1,); the last element never saturates.
+        saturation_v: saturation voltages u_S,i [V], shape (n,).
+        creep_order: alpha [1], 0 (none) to 1 (integrator).
+        effects: further effects, at most one of a kind; they act in the order of the chain.
+
+    Raises:
+        ParameterError: naming the field, its value and what is allowed.
+    """
+
+    kappa_um_per_v: Array
+    saturation_v: Array
+    creep_order: float
+    effects: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        kappa, saturation = check_elements(self.kappa_um_per_v, self.saturation_v)
+        kappa.flags.writeable = saturation.flags.writeable = False
+        object.__setattr__(self, "kappa_um_per_v", kappa)
+        object.__setattr__(self, "saturation_v", saturation)
+        object.__setattr__(self, "creep_order", check_order(self.creep_order, "model.creep_order"))
+        names = [effect.name for effect in self.effects]
+        for name in names:
+            if names.count(name) > 1:
+                raise ParameterError("effect named twice", where="model.effects", value=name, allowed="each once")
+        object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda effect: effect.place)))
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements that saturate."""
+        return int(self.saturation_v.size)
+
+    @cached_property
+    def stop_form(self) -> OperatorSum:
+        """Displacement -> voltage."""
+        return stop_form(self.kappa_um_per_v, self.saturation_v)
+
+    @cached_property
+    def play_form(self) -> OperatorSum:
+        """Voltage -> displacement."""
+        return play_form(self.kappa_um_per_v, self.saturation_v)
+
+    @cached_property
+    def creep_modes(self) -> CreepModes:
+        """Modes of the fractional operator."""
+        return creep_modes(self.creep_order)
+
+    @cached_property
+    def n_substeps(self) -> int:
+        """Parts each step is divided into."""
+        return N_SUBSTEPS if any(effect.needs_substeps for effect in self.effects) else 1
+
+    @cached_property
+    def at_creep(self) -> int:
+        """Where the creep block begins in the packed state."""
+        return int(hysteresis_block(self.play_form).size)
+
+    def of_stage(self, stage: Stage) -> tuple[Effect, ...]:
+        """Return the effects of one stage, in the order of the chain."""
+        return tuple(effect for effect in self.effects if effect.stage is stage)
+
+    def with_effects(self, *effects: Effect) -> PiezoModel:
+        """Return the model with these effects added, each taking the place of one of its kind."""
+        new = {effect.name for effect in effects}
+        kept = tuple(effect for effect in self.effects if effect.name not in new)
+        return PiezoModel(self.kappa_um_per_v, self.saturation_v, self.creep_order, kept + effects)
+
+    def initial_state(self) -> ModelState:
+        """Return the relaxed state, or the one the effect ``initial_state`` describes."""
+        packed = np.concatenate((hysteresis_block(self.play_form), creep_block(self.creep_modes)))
+        state = ModelState(packed, {effect.name: effect.initial_state() for effect in self.effects})
+        for effect in self.effects:
+            if isinstance(effect, InitialState):
+                self.settle(state, *effect.prehistory())
+        return state
+
+    def settle(self, state: ModelState, steps_s: Array, voltage_v: Array) -> None:
+        """Move the state through what went before the record; clocks of time-dependent effects do not run."""
+        timed = {effect.name: state.effects[effect.name] for effect in self.effects
+                 if effect.stage in (Stage.SENSED, Stage.SAMPLED_DRIVE)}  # fmt: skip
+        kept = {name: values.copy() for name, values in timed.items()}
+        self.simulate(steps_s, voltage_v, state)
+        for name, values in kept.items():
+            timed[name][:] = values
+
+    def advance(self, state: ModelState, voltage_v: float, step_s: float, *, temperature_c: float = np.nan,
+                cross: float = np.nan) -> float:  # fmt: skip
+        """Return the displacement [um] after one step of ``step_s`` [s] that ends at ``voltage_v`` [V].
+
+        Args:
+            state: from ``initial_state``; moves on.
+            voltage_v: drive at the end of the step [V]; linear from the step before.
+            step_s: length of the step [s], > 0, any length.
+            temperature_c: temperature [degC], for effects that use it.
+            cross: second axis, for effects that use it.
+        """
+        if not self.effects:
+            state.last_input = voltage_v
+            return float(forward_step(state.packed, self.at_creep, voltage_v, step_s))
+        one = self.simulate(
+            np.array([step_s]), np.array([voltage_v]), state,
+            temperature_c=None if np.isnan(temperature_c) else np.array([temperature_c]),
+            cross=None if np.isnan(cross) else np.array([cross]),
+        )  # fmt: skip
+        return float(one[0])
+
+    def simulate(self, steps_s: Array, voltage_v: Array, state: ModelState | None = None, *,
+                 temperature_c: Array | None = None, cross: Array | None = None) -> Array:  # fmt: skip
+        """Return the displacement [um] of each sample, shape (n_samples,).
+
+        Args:
+            steps_s: step that leads to each sample [s], > 0, any lengths, shape (n_samples,).
+            voltage_v: drive [V], linear between samples, shape (n_samples,).
+            state: moves on where given; else the initial state is used.
+            temperature_c: temperature [degC], shape (n_samples,), for effects that use it.
+            cross: second axis, shape (n_samples,), for effects that use it.
+        """
+        steps, drive = _checked_inputs(steps_s, voltage_v, "voltage_v")
+        state = self.initial_state() if state is None else state
+        covariates = {"cross_axis": cross, "thermal_drift": temperature_c}
+        for effect in self.of_stage(Stage.SAMPLED_DRIVE):
+            drive = effect.run(state.effects[effect.name], drive, steps)
+        last, state.last_input = state.last_input, float(drive[-1])
+        n_parts = self.n_substeps
+        fine_steps, fine_drive = (steps, drive) if n_parts == 1 else subdivide(steps, drive, last, n_parts)
+        for effect in self.of_stage(Stage.DRIVE):
+            fine_drive = effect.run(state.effects[effect.name], fine_drive, fine_steps)
+        moved = np.empty(fine_drive.size)
+        beside = self.of_stage(Stage.HYSTERESIS)
+        if beside:
+            added = sum(effect.run(state.effects[effect.name], fine_drive, fine_steps) for effect in beside)
+            forward_beside(state.packed, self.at_creep, fine_drive, np.asarray(added), fine_steps, moved)
+        else:
+            forward(state.packed, self.at_creep, fine_drive, fine_steps, moved)
+        for effect in self.of_stage(Stage.MECHANICAL):
+            moved = effect.run(state.effects[effect.name], moved, fine_steps)
+        if n_parts > 1:
+            moved = np.ascontiguousarray(moved[n_parts - 1 :: n_parts])
+        for effect in self.of_stage(Stage.SENSED):
+            moved = effect.run(state.effects[effect.name], moved, steps, covariates.get(effect.name))
+        return moved
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the model as plain numbers and lists: the ``model`` block of a model file."""
+        mapping: dict[str, Any] = {
+            "kappa_um_per_v": self.kappa_um_per_v.tolist(),
+            "saturation_v": self.saturation_v.tolist(),
+            "creep_order": self.creep_order,
+        }
+        if self.effects:
+            mapping["effects"] = [effect.name for effect in self.effects]
+            mapping.update({effect.name: effect.to_mapping() for effect in self.effects})
+        return mapping
+
+    @classmethod
+    def from_mapping(cls, mapping: Any, where: str = "model") -> PiezoModel:
+        """Return the model of a ``model`` block; raises ParameterError naming key, value and what is allowed."""
+        known = ("kappa_um_per_v", "saturation_v", "creep_order")
+        if not isinstance(mapping, dict):
+            raise ParameterError("not a mapping", where=where, value=mapping, allowed=", ".join(known))
+        for key in known:
+            if key not in mapping:
+                raise ParameterError(f"{key} is missing", where=where, allowed=", ".join(known))
+        names = mapping.get("effects") or []
+        if not isinstance(names, (list, tuple)):
+            raise ParameterError("not a list", where=f"{where}.effects", value=names, allowed="a list of effect names")
+        effects = []
+        for name in names:
+            kind = effect_class(name, f"{where}.effects")
+            if name not in mapping:
+                raise ParameterError(f"parameters of {name} are missing", where=where, allowed=f"a block {name}")
+            effects.append(kind.from_mapping(mapping[name], f"{where}.{name}"))
+        for key in mapping:
+            if key not in known and key != "effects" and key not in names:
+                raise ParameterError("unknown key", where=where, value=key,
+                                     allowed=", ".join((*known, "effects", *names)))  # fmt: skip
+        for key in known[:2]:
+            if isinstance(mapping[key], (str, bool)) or any(isinstance(v, (bool, str)) for v in _iterable(mapping[key])):
+                raise ParameterError("not a list of numbers", where=f"{where}.{key}", value=mapping[key],
+                                     allowed="finite, > 0")  # fmt: skip
+        return cls(mapping["kappa_um_per_v"], mapping["saturation_v"], mapping["creep_order"], tuple(effects))
+
+
+def _iterable(value: Any) -> Any:
+    return value if isinstance(value, (list, tuple)) else ()
+
+
+def _checked_inputs(steps_s: Array, values: Array, name: str) -> tuple[Array, Array]:
+    steps = np.ascontiguousarray(steps_s, dtype=np.float64)
+    inputs = np.ascontiguousarray(values, dtype=np.float64)
+    if steps.ndim != 1 or steps.shape != inputs.shape or steps.size == 0:
+        raise ParameterError("steps_s and input do not fit", where=name, value=(steps.shape, inputs.shape),
+                             allowed="two arrays of one shape (n_samples,)")  # fmt: skip
+    if not np.all(steps > 0.0):
+        raise ParameterError("step is not positive", where="steps_s", value=float(np.min(steps)), allowed="> 0 s")
+    if not np.all(np.isfinite(inputs)):
+        raise ParameterError("value is not finite", where=name, allowed="finite numbers")
+    return steps, inputs
+
+
+def subdivide(steps: Array, drive: Array, last: float, n_parts: int) -> tuple[Array, Array]:
+    """Return steps and a linear drive on ``n_parts`` equal parts of each step, shape (n_samples * n_parts,)."""
+    before = np.concatenate(([last], drive[:-1]))
+    share = np.arange(1, n_parts + 1) / n_parts
+    fine = before[:, None] + (drive - before)[:, None] * share
+    fine[:, -1] = drive
+    return np.repeat(steps / n_parts, n_parts), np.ascontiguousarray(fine.reshape(-1))
