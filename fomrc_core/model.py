@@ -138,7 +138,7 @@ class PiezoModel:
     @cached_property
     def n_substeps(self) -> int:
         """Parts each step is divided into."""
-        return N_SUBSTEPS if any(effect.needs_substeps for effect in self.effects) else 1
+        return n_substeps(self.effects)
 
     @cached_property
     def at_creep(self) -> int:
@@ -207,28 +207,7 @@ class PiezoModel:
         """
         steps, drive = _checked_inputs(steps_s, voltage_v, "voltage_v")
         state = self.initial_state() if state is None else state
-        covariates = {"cross_axis": cross, "thermal_drift": temperature_c}
-        for effect in self.of_stage(Stage.SAMPLED_DRIVE):
-            drive = effect.run(state.effects[effect.name], drive, steps)
-        last, state.last_input = state.last_input, float(drive[-1])
-        n_parts = self.n_substeps
-        fine_steps, fine_drive = (steps, drive) if n_parts == 1 else subdivide(steps, drive, last, n_parts)
-        for effect in self.of_stage(Stage.DRIVE):
-            fine_drive = effect.run(state.effects[effect.name], fine_drive, fine_steps)
-        moved = np.empty(fine_drive.size)
-        beside = self.of_stage(Stage.HYSTERESIS)
-        if beside:
-            added = sum(effect.run(state.effects[effect.name], fine_drive, fine_steps) for effect in beside)
-            forward_beside(state.packed, self.at_creep, fine_drive, np.asarray(added), fine_steps, moved)
-        else:
-            forward(state.packed, self.at_creep, fine_drive, fine_steps, moved)
-        for effect in self.of_stage(Stage.MECHANICAL):
-            moved = effect.run(state.effects[effect.name], moved, fine_steps)
-        if n_parts > 1:
-            moved = np.ascontiguousarray(moved[n_parts - 1 :: n_parts])
-        for effect in self.of_stage(Stage.SENSED):
-            moved = effect.run(state.effects[effect.name], moved, steps, covariates.get(effect.name))
-        return moved
+        return run_chain(state, self.at_creep, self.effects, steps, drive, temperature_c=temperature_c, cross=cross)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the model as plain numbers and lists: the ``model`` block of a model file."""
@@ -295,3 +274,47 @@ def subdivide(steps: Array, drive: Array, last: float, n_parts: int) -> tuple[Ar
     fine = before[:, None] + (drive - before)[:, None] * share
     fine[:, -1] = drive
     return np.repeat(steps / n_parts, n_parts), np.ascontiguousarray(fine.reshape(-1))
+
+
+def n_substeps(effects: tuple[Effect, ...]) -> int:
+    """Return the number of parts each step is divided into for these effects."""
+    return N_SUBSTEPS if any(effect.needs_substeps for effect in effects) else 1
+
+
+def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], steps: Array, drive: Array, *,
+              temperature_c: Array | None = None, cross: Array | None = None) -> Array:  # fmt: skip
+    """Return the displacement [um] the chain gives, shape (n_samples,); the state moves on.
+
+    Args:
+        state: packed hysteresis (play form) and creep blocks, and the effects' states.
+        at_creep: where the creep block begins.
+        effects: in the order of the chain.
+        steps: steps [s], shape (n_samples,).
+        drive: voltage [V], shape (n_samples,).
+        temperature_c: temperature [degC], shape (n_samples,), where known.
+        cross: second axis, shape (n_samples,), where known.
+    """
+    covariates = {"cross_axis": cross, "thermal_drift": temperature_c}
+    stages = {stage: [effect for effect in effects if effect.stage is stage] for stage in Stage}
+    for effect in stages[Stage.SAMPLED_DRIVE]:
+        drive = effect.run(state.effects[effect.name], drive, steps)
+    last, state.last_input = state.last_input, float(drive[-1])
+    n_parts = n_substeps(effects)
+    fine_steps, fine_drive = (steps, drive) if n_parts == 1 else subdivide(steps, drive, last, n_parts)
+    for effect in stages[Stage.DRIVE]:
+        fine_drive = effect.run(state.effects[effect.name], fine_drive, fine_steps)
+    moved = np.empty(fine_drive.size)
+    if stages[Stage.HYSTERESIS]:
+        added = np.zeros(fine_drive.size)
+        for effect in stages[Stage.HYSTERESIS]:
+            added += effect.run(state.effects[effect.name], fine_drive, fine_steps)
+        forward_beside(state.packed, at_creep, fine_drive, added, fine_steps, moved)
+    else:
+        forward(state.packed, at_creep, fine_drive, fine_steps, moved)
+    for effect in stages[Stage.MECHANICAL]:
+        moved = effect.run(state.effects[effect.name], moved, fine_steps)
+    if n_parts > 1:
+        moved = np.ascontiguousarray(moved[n_parts - 1 :: n_parts])
+    for effect in stages[Stage.SENSED]:
+        moved = effect.run(state.effects[effect.name], moved, steps, covariates.get(effect.name))
+    return moved
