@@ -31,8 +31,8 @@ Choices where the paper leaves one:
 - The voltage and the external force are linear between samples; before the first sample they rose from
   zero over one step. The oscillator (3) is integrated exactly for a force linear within a substep.
 
-Cost with 40 elements and 50 us substeps: about 90 us per 1 ms sample compiled, 2.2 ms in plain Python, nearly all
-of it per substep (110 us) and not per element. Without numba choose ``substep_s=1e-3``: 0.16 ms per sample.
+Cost with 40 elements and 50 us substeps: about 90 us per 1 ms sample compiled, 2.2 ms in plain Python, nearly
+all of it per substep (110 us), not per element. Without numba choose ``substep_s=1e-3``: 0.16 ms per sample.
 """
 
 from __future__ import annotations
