@@ -49,6 +49,14 @@ class AmplifierSaturation(Effect):
         """Return the clamped drive [V], shape (n_samples,)."""
         return np.clip(values, self.low_v, self.high_v)
 
+    def free_names(self) -> tuple[str, ...]:
+        """Return the sides that act."""
+        return tuple(name for name in ("low_v", "high_v") if abs(getattr(self, name)) < _NO_LIMIT_V)
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return a tenth of the range as the unit of a limit, which may stand near zero."""
+        return 0.1 * (self.high_v - self.low_v if abs(self.high_v - self.low_v) < _NO_LIMIT_V else max(abs(value), 1.0))
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return clamps a little inside the range of the drive, on either side and on both."""

@@ -94,6 +94,7 @@ class Effect(ABC):
     can_invert: ClassVar[bool] = False
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
+    held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
 
     def __post_init__(self) -> None:
         for spec in self.parameters:
@@ -127,6 +128,20 @@ class Effect(ABC):
             ParameterError: the effect has no inverse.
         """
         raise ParameterError("effect has no inverse", where=self.name, allowed=self.inverse_note)
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return the parameters a fit moves; a linear one that stands at zero is held there."""
+        return tuple(
+            spec.name
+            for spec in self.parameters
+            if not spec.is_list
+            and spec.name not in self.held_parameters
+            and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
+        )
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
+        return abs(value) if value != 0.0 else 1.0
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

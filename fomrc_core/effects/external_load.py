@@ -33,6 +33,7 @@ class ExternalLoad(Effect):
     inverse_note: ClassVar[str] = "not inverted: when it comes is not known beforehand"
     is_record_bound: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("displacement_um",)
+    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s", "release_s")
 
     displacement_um: float
     onset_s: float

@@ -34,6 +34,7 @@ class InitialState(Effect):
     experiment: ClassVar[str] = "the relaxation routine before the record: the transient goes"
     inverse_note: ClassVar[str] = "not inverted: run the relaxation routine instead"
     is_record_bound: ClassVar[bool] = True
+    held_parameters: ClassVar[tuple[str, ...]] = ("resting_v", "held_s")
 
     extreme_v: float = 0.0
     resting_v: float = 0.0
@@ -47,6 +48,10 @@ class InitialState(Effect):
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the values unchanged: the effect acts before the first sample."""
         return values
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return what a fit moves; nothing where the drive simply rested at one voltage."""
+        return () if self.extreme_v == self.resting_v else super().free_names()
 
     def prehistory(self) -> tuple[Array, Array]:
         """Return steps [s] and voltages [V] of what went before, each of shape (n_steps,)."""

@@ -45,6 +45,10 @@ class MainsHum(Effect):
         elapsed_times(state, steps_s, t)
         return values + self.amplitude_um * np.sin(2.0 * np.pi * self.frequency_hz * t + self.phase_rad)
 
+    def scale_of(self, name: str, value: float) -> float:
+        """Return one radian as the unit of the phase."""
+        return 1.0 if name == "phase_rad" else super().scale_of(name, value)
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return the strongest line of the residual's spectrum, with its amplitude and phase."""

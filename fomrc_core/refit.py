@@ -1,0 +1,220 @@
+"""Joint refit of effects and linear part: Gauss-Newton in the effects, the linear part projected out.
+
+The residual is always that of the exact chain. Directions of the linear part are taken once per refit (they change
+little), those of the effects by differences, so an iteration costs one simulation per free parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.base_fit import Tangent, centred, moved, residuals, squared_error, tangent
+from fomrc_core.chain import Chain, PreparedRecord, predict
+from fomrc_core.effects import Effect, Parameter
+from fomrc_core.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+_CONVERGED = 1e-5
+_LARGEST_DAMPING = 1e6
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """One parameter of one effect that a refit moves.
+
+    Attributes:
+        effect_name: the effect.
+        index: the record it belongs to; None for an effect of the actuator.
+        spec: the parameter.
+        scale: step unit of a parameter that is not moved by its logarithm.
+    """
+
+    effect_name: str
+    index: int | None
+    spec: Parameter
+    scale: float
+
+    def get(self, chain: Chain) -> float:
+        """Return the parameter's value in the chain."""
+        return float(getattr(self.effect(chain), self.spec.name))
+
+    def effect(self, chain: Chain) -> Effect:
+        """Return the effect the parameter belongs to."""
+        pool = chain.effects if self.index is None else chain.record_effects[self.index]
+        return next(effect for effect in pool if effect.name == self.effect_name)
+
+    def coordinate(self, value: float) -> float:
+        """Return what the refit moves for a value."""
+        return math.log(value) if self.spec.is_log else value / self.scale
+
+    def value(self, coordinate: float) -> float:
+        """Return the value of a coordinate, within the parameter's bounds."""
+        value = math.exp(min(coordinate, 300.0)) if self.spec.is_log else coordinate * self.scale
+        return min(max(value, self.spec.lower), self.spec.upper)
+
+    @property
+    def difference(self) -> float:
+        """Coordinate step of the difference quotient."""
+        return 2e-3 if self.spec.is_log else 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Result of a joint refit.
+
+    Attributes:
+        chain: the fitted chain.
+        squared_error: sum of squares over the used samples [um^2].
+        free: the parameters moved.
+        directions: displacement per coordinate of each, linear part removed, per record (n_samples, n_free).
+        residual: measured minus predicted [um] per record.
+        is_converged: whether it came to rest within the iterations.
+    """
+
+    chain: Chain
+    squared_error: float
+    free: tuple[FreeParameter, ...]
+    directions: tuple[Array, ...]
+    residual: tuple[Array, ...]
+    is_converged: bool
+
+    def standard_errors(self, records: tuple[PreparedRecord, ...], inflation: float) -> dict[tuple[str, int | None, str], float]:
+        """Return the standard error of each free parameter, noise correlation counted by ``inflation``."""
+        if not self.free:
+            return {}
+        used = [d[r.is_used] for d, r in zip(self.directions, records, strict=True)]
+        information = sum(d.T @ d for d in used)
+        n = sum(d.shape[0] for d in used)
+        covariance = np.linalg.pinv(information) * self.squared_error / n * inflation
+        errors = {}
+        for k, free in enumerate(self.free):
+            per_coordinate = free.get(self.chain) if free.spec.is_log else free.scale
+            errors[(free.effect_name, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(
+                max(float(covariance[k, k]), 0.0)
+            )
+        return errors
+
+
+def free_parameters(chain: Chain) -> tuple[FreeParameter, ...]:
+    """Return what a refit moves: every number of every effect that is not held.
+
+    Held are lists (their weights belong to the linear part), what an effect holds itself, and a linear parameter
+    that stands at zero or a limit that stands where nothing reaches it.
+    """
+    found: list[FreeParameter] = []
+    pools: list[tuple[int | None, tuple[Effect, ...]]] = [(None, chain.effects)]
+    pools += list(enumerate(chain.record_effects))
+    for index, effects in pools:
+        for effect in effects:
+            for spec in effect.parameters:
+                if spec.name in effect.free_names():
+                    value = float(getattr(effect, spec.name))
+                    found.append(FreeParameter(effect.name, index, spec, effect.scale_of(spec.name, value)))
+    return tuple(found)
+
+
+def with_coordinates(chain: Chain, free: tuple[FreeParameter, ...], coordinates: Array) -> Chain:
+    """Return the chain with the free parameters at these coordinates."""
+    for parameter, coordinate in zip(free, coordinates, strict=True):
+        effect = replace(parameter.effect(chain), **{parameter.spec.name: parameter.value(float(coordinate))})
+        chain = chain.with_effect(effect, parameter.index)
+    return chain
+
+
+def _directions(chain: Chain, free: tuple[FreeParameter, ...], coordinates: Array, records: tuple[PreparedRecord, ...],
+                base: tuple[Array, ...]) -> tuple[Array, ...]:  # fmt: skip
+    parts = [np.zeros((r.time_s.size, len(free))) for r in records]
+    for k, parameter in enumerate(free):
+        step = parameter.difference
+        shifted = coordinates.copy()
+        shifted[k] += step
+        if parameter.coordinate(parameter.value(shifted[k])) - coordinates[k] < 0.5 * step:
+            step = -step
+            shifted[k] = coordinates[k] + step
+        try:
+            other = with_coordinates(chain, free, shifted)
+        except ParameterError:
+            continue
+        for i, record in enumerate(records):
+            if parameter.index in (None, i):
+                change = (predict(other, record, i) - base[i]) / step
+                parts[i][:, k] = centred(change, record.is_used)
+    return tuple(parts)
+
+
+def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | None = None, n_iterations: int = 12,
+          free: tuple[FreeParameter, ...] | None = None) -> Refit:  # fmt: skip
+    """Return the chain with effects and linear part fitted together.
+
+    Args:
+        chain: where to start.
+        records: what to fit.
+        space: tangent of the linear part; computed at the start where not given.
+        n_iterations: iterations at most.
+        free: parameters to move; all that are not held by default.
+    """
+    free = free_parameters(chain) if free is None else free
+    space = tangent(chain, records) if space is None else space
+    coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
+    left = residuals(chain, records)
+    error = squared_error(records, left)
+    damping, is_converged = 1e-3, False
+    projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
+    for _ in range(n_iterations):
+        base = tuple(predict(chain, r, i) for i, r in enumerate(records))
+        raw = _directions(chain, free, coordinates, records, base)
+        projected = tuple(
+            np.column_stack([c]) if not free else c for c in _removed(space, records, raw)
+        )
+        clear = space.remove(records, left)
+        hessian = sum(d[r.is_used].T @ d[r.is_used] for d, r in zip(projected, records, strict=True))
+        gradient = sum(
+            d[r.is_used].T @ s[r.is_used] for d, r, s in zip(projected, records, clear, strict=True)
+        )
+        is_better = False
+        while damping < _LARGEST_DAMPING:
+            step = _damped_step(np.asarray(hessian), np.asarray(gradient), damping) if free else np.zeros(0)
+            rest = tuple(s - d @ step for s, d in zip(left, raw, strict=True))
+            change = space.solve(records, rest)
+            try:
+                trial = moved(with_coordinates(chain, free, coordinates + step), change)
+                trial_left = residuals(trial, records)
+                trial_error = squared_error(records, trial_left)
+            except ParameterError:
+                trial_error = np.inf
+            if trial_error < error:
+                is_better = True
+                break
+            damping = max(damping, 1e-4) * 8.0
+            if not free:
+                break
+        if not is_better:
+            is_converged = True
+            break
+        gain = (error - trial_error) / error
+        chain, left, error = trial, trial_left, trial_error
+        coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
+        damping = max(damping / 6.0, 1e-7)
+        if gain < _CONVERGED:
+            is_converged = True
+            break
+    return Refit(chain, error, free, projected, left, is_converged)
+
+
+def _removed(space: Tangent, records: tuple[PreparedRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:
+    moment = sum(c[r.is_used].T @ s[r.is_used] for c, r, s in zip(space.columns, records, raw, strict=True))
+    coefficients = space.whitening @ (space.whitening.T @ moment)
+    return tuple(s - c @ coefficients for s, c in zip(raw, space.columns, strict=True))
+
+
+def _damped_step(hessian: Array, gradient: Array, damping: float) -> Array:
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian / scale[:, None] / scale[None, :] + damping * np.eye(scale.size)
+    step = np.linalg.lstsq(scaled, gradient / scale, rcond=1e-12)[0] / scale
+    # a coordinate that does not act has no scale of its own
+    return np.asarray(np.where(np.diag(hessian) > 1e-20, step, 0.0))
