@@ -1,0 +1,144 @@
+"""Messages to core quantities and back; the one place where metres meet micrometres."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from fomrc_core.errors import InputError
+
+UM_PER_M = 1e6
+# Further than any piezo travels: a value in other units than metres.
+LARGEST_POSITION_M = 0.1
+INTERFACES = ("float64", "joint_state")
+
+
+def m_to_um(position_m: float) -> float:
+    """Return a length in micrometres."""
+    return position_m * UM_PER_M
+
+
+def um_to_m(position_um: float) -> float:
+    """Return a length in metres."""
+    return position_um / UM_PER_M
+
+
+def stamp_s(stamp: Time) -> float:
+    """Return a message stamp in seconds."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def voltage_from_message(message: Float64) -> float:
+    """Return the voltage [V] of a message; raises InputError where it is not finite."""
+    return _finite(message.data, "voltage", "V")
+
+
+def _finite(value: float, where: str, unit: str) -> float:
+    if not math.isfinite(value):
+        raise InputError("not finite", where=where, value=value, allowed=f"finite, in {unit}")
+    return float(value)
+
+
+class PositionInterface(ABC):
+    """How a position travels: the message type, and to and from micrometres."""
+
+    message_type: type[Any]
+
+    @abstractmethod
+    def to_message(self, position_um: float, stamp: Time) -> Any:
+        """Return the message of a position [um] taken at ``stamp``."""
+
+    @abstractmethod
+    def position_m(self, message: Any) -> float:
+        """Return the position in a message [m], unchecked; raises InputError where it has none."""
+
+    def time_s(self, message: Any, received_s: float) -> float:
+        """Return when the position was taken [s]; the time of receipt where the message has no stamp."""
+        return received_s
+
+    def to_um(self, message: Any) -> float:
+        """Return the position in a message [um].
+
+        Raises:
+            InputError: no position, not finite, or further than any piezo travels.
+        """
+        position_m = _finite(self.position_m(message), "position", "m")
+        if abs(position_m) > LARGEST_POSITION_M:
+            raise InputError(
+                "position out of range, is it in metres?",
+                where="position",
+                value=position_m,
+                allowed=f"-{LARGEST_POSITION_M} to {LARGEST_POSITION_M} m",
+            )
+        return m_to_um(position_m)
+
+
+class Float64Position(PositionInterface):
+    """std_msgs/Float64, metres."""
+
+    message_type = Float64
+
+    def to_message(self, position_um: float, stamp: Time) -> Float64:
+        """Return the message of a position [um]; the stamp has no place in it."""
+        return Float64(data=um_to_m(position_um))
+
+    def position_m(self, message: Float64) -> float:
+        """Return the position [m], unchecked."""
+        return float(message.data)
+
+
+class JointStatePosition(PositionInterface):
+    """sensor_msgs/JointState, stamped, metres; one joint of it.
+
+    Args:
+        joint_name: which joint; in messages without names it is the first.
+    """
+
+    message_type = JointState
+
+    def __init__(self, joint_name: str) -> None:
+        self.joint_name = joint_name
+
+    def to_message(self, position_um: float, stamp: Time) -> JointState:
+        """Return the stamped message of a position [um]."""
+        message = JointState(name=[self.joint_name], position=[um_to_m(position_um)])
+        message.header.stamp = stamp
+        return message
+
+    def position_m(self, message: JointState) -> float:
+        """Return the position of the joint [m], unchecked; raises InputError where it is not in the message."""
+        names = list(message.name)
+        if not names:
+            k = 0
+        elif self.joint_name in names:
+            k = names.index(self.joint_name)
+        else:
+            raise InputError(
+                "joint not in the message", where="JointState.name", value=names[:5], allowed=self.joint_name
+            )
+        if k >= len(message.position):
+            raise InputError(
+                "no position for the joint",
+                where="JointState.position",
+                value=len(message.position),
+                allowed=f"{k + 1} or more entries",
+            )
+        return float(message.position[k])
+
+    def time_s(self, message: JointState, received_s: float) -> float:
+        """Return the stamp [s], or the time of receipt where the stamp is zero."""
+        return stamp_s(message.header.stamp) or received_s
+
+
+def position_interface(interface: str, joint_name: str) -> PositionInterface:
+    """Return the interface of this name: ``float64`` or ``joint_state``; raises InputError for others."""
+    if interface == "float64":
+        return Float64Position()
+    if interface == "joint_state":
+        return JointStatePosition(joint_name)
+    raise InputError("unknown interface", where="interface", value=interface, allowed=" | ".join(INTERFACES))

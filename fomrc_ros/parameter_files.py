@@ -1,0 +1,182 @@
+"""Parameter files and other files a node touches: confined to folders, bounded in size, safe YAML only."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from fomrc_core.errors import StorageError
+
+LARGEST_PARAMETER_FILE_BYTES = 1_000_000
+_DEEPEST = 12
+
+
+def default_folders() -> list[str]:
+    """Return the folders files may be in unless told otherwise: the working directory and ~/.ros."""
+    return [os.getcwd(), str(Path.home() / ".ros")]
+
+
+def confined_path(path: str, folders: Sequence[str], where: str) -> Path:
+    """Return the path, links resolved, where it lies in one of the folders.
+
+    Args:
+        path: absolute, or relative to the first folder.
+        folders: folders that may be used.
+        where: parameter that named the path, for the message.
+
+    Raises:
+        StorageError: empty path, or outside of the folders.
+    """
+    if not path or "\0" in path:
+        raise StorageError("no file named", where=where, allowed="a file in " + ", ".join(folders))
+    roots = [Path(folder).expanduser().resolve() for folder in folders]
+    if not roots:
+        raise StorageError("no folder is allowed", where="allowed_folders", allowed="one or more folders")
+    try:
+        resolved = (roots[0] / Path(path).expanduser()).resolve()
+    except (OSError, RuntimeError) as error:
+        raise StorageError(f"path cannot be used: {error}", where=where, value=path) from None
+    if not any(resolved.is_relative_to(root) for root in roots):
+        raise StorageError(
+            "file lies outside of the allowed folders",
+            where=where,
+            value=str(resolved),
+            allowed=", ".join(str(root) for root in roots),
+        )
+    return resolved
+
+
+def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
+    """Return the parameters a YAML file holds for a node, as flat names.
+
+    Entries for all nodes (``/**``) come first, those for the node itself override them.
+
+    Args:
+        path: the file.
+        node_name: fully qualified name of the node, e.g. ``/axis1/compensator``.
+
+    Raises:
+        StorageError: not there, too large, no safe YAML, no parameters for this node.
+    """
+    where = str(path)
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise StorageError("not a file", where=where)
+        if size > LARGEST_PARAMETER_FILE_BYTES:
+            raise StorageError(
+                "file too large",
+                where=where,
+                value=size,
+                allowed=f"{LARGEST_PARAMETER_FILE_BYTES} bytes or fewer",
+            )
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"cannot be read: {error.strerror or error}", where=where) from None
+    except UnicodeDecodeError:
+        raise StorageError("not text", where=where, allowed="YAML in UTF-8") from None
+    content = _safe_yaml(text, where)
+    if not isinstance(content, dict):
+        raise StorageError(
+            "no parameters in it", where=where, value=content, allowed="/**: {ros__parameters: {...}}"
+        )
+    found: dict[str, Any] = {}
+    is_for_us = False
+    for key in sorted(content, key=lambda name: name not in ("/**", "/*")):
+        if not _names_node(str(key), node_name):
+            continue
+        block = content[key]
+        if not isinstance(block, dict) or not isinstance(block.get("ros__parameters"), dict):
+            raise StorageError(
+                "ros__parameters is missing", where=f"{where}: {key}", allowed="a mapping ros__parameters"
+            )
+        is_for_us = True
+        _flatten(block["ros__parameters"], "", found, f"{where}: {key}", 0)
+    if not is_for_us or not found:
+        raise StorageError(
+            "no parameters for this node",
+            where=where,
+            value=sorted(map(str, content))[:5],
+            allowed=f"/** or {node_name}",
+        )
+    return found
+
+
+def started_with() -> str:
+    """Return the first parameter file this process was started with, "" where there was none."""
+    arguments = sys.argv
+    for k, argument in enumerate(arguments[:-1]):
+        if argument == "--params-file":
+            return os.path.abspath(arguments[k + 1])
+    return ""
+
+
+def _names_node(key: str, node_name: str) -> bool:
+    if key == "/**":
+        return True
+    own = key if key.startswith("/") else f"/{key}"
+    if own.startswith("/**/"):
+        return node_name.endswith(own[3:])
+    own_parts, node_parts = own.split("/"), node_name.split("/")
+    return len(own_parts) == len(node_parts) and all(
+        own_part in ("*", node_part) for own_part, node_part in zip(own_parts, node_parts, strict=True)
+    )
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Safe YAML without aliases and without a key given twice."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.composer.ComposerError(
+                None, None, "aliases are not allowed", self.peek_event().start_mark
+            )
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for k, key in enumerate(keys):
+            if isinstance(key, (list, dict)):
+                raise yaml.constructor.ConstructorError(None, None, "a key is not a name", node.start_mark)
+            if key in keys[:k]:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} given twice", node.start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+# YAML 1.1 reads 1e-3 as a string; the ROS parameter parser, and people, read a number.
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
+def _safe_yaml(text: str, where: str) -> Any:
+    try:
+        return yaml.load(text, Loader=_StrictLoader)
+    except yaml.MarkedYAMLError as error:
+        line = "" if error.problem_mark is None else f" line {error.problem_mark.line + 1}"
+        raise StorageError(f"not safe YAML: {error.problem}", where=f"{where}{line}") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise StorageError(f"not safe YAML: {type(error).__name__}", where=where) from None
+
+
+def _flatten(block: Mapping[Any, Any], prefix: str, found: dict[str, Any], where: str, depth: int) -> None:
+    if depth > _DEEPEST:
+        raise StorageError("nested too deeply", where=where, allowed=f"{_DEEPEST} levels")
+    for key, value in block.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping):
+            _flatten(value, f"{name}.", found, where, depth + 1)
+        elif value is None:
+            raise StorageError("no value", where=f"{where}.{name}")
+        else:
+            found[name] = value

@@ -1,0 +1,34 @@
+"""The loop's time grid: steps of whole periods that keep up with the clock."""
+
+from __future__ import annotations
+
+# More time than this in one step is a clock that was set, not one that ran.
+_LONGEST_CATCH_UP_S = 1e7
+
+
+class TickGrid:
+    """Turn the times of ticks into steps of whole periods.
+
+    The jitter of a timer, some hundred microseconds, is none of the actuator's and would cost new step
+    coefficients every tick; what must be right is the time in the long run. A late tick makes a longer step.
+
+    Args:
+        period_s: nominal period [s].
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.period_s = period_s
+        self._time_s: float | None = None
+
+    def restart(self) -> None:
+        """Forget the last tick; the next one makes one period."""
+        self._time_s = None
+
+    def step_s(self, now_s: float) -> float:
+        """Return the step that leads to a tick at this time [s], a whole number of periods, 1 or more."""
+        if self._time_s is None or not -1.0 < now_s - self._time_s < _LONGEST_CATCH_UP_S:
+            self._time_s = now_s
+            return self.period_s
+        n_periods = max(1, round((now_s - self._time_s) / self.period_s))
+        self._time_s += n_periods * self.period_s
+        return n_periods * self.period_s
