@@ -212,9 +212,7 @@ def draw_chain(
     stroke_um: float, width_ratio: float, range_v: float, n_elements: int, rng: np.random.Generator
 ) -> MaxwellChain:
     """Draw a chain whose major loop over a range has this stroke and relative width."""
-    slip_um = stroke_um * rng.beta(1.0, rng.uniform(1.0, 2.5), n_elements) + 1e-3 * stroke_um
-    stiffness = rng.gamma(3.0, 1.0, n_elements)
-    stiffness /= stiffness.sum()
+    slip_um, stiffness = np.zeros(0), np.zeros(0)
 
     def branch(width_um: float, share: float) -> float:
         # Masing: a branch is the first loading, doubled.
@@ -227,7 +225,12 @@ def draw_chain(
         middle = brentq(lambda width: branch(width, share) - 0.5 * top, 0.0, stroke_um)
         return 1.0 - 2.0 * middle / stroke_um
 
-    share = brentq(lambda s: loop_width(s) - width_ratio, 1e-6, 1.0 - 1e-3)
+    most = 1.0 - 1e-3
+    while slip_um.size == 0 or loop_width(most) < 1.02 * width_ratio:  # too few slip early: draw again
+        slip_um = stroke_um * rng.beta(1.0, rng.uniform(1.0, 2.5), n_elements) + 1e-3 * stroke_um
+        stiffness = rng.gamma(3.0, 1.0, n_elements)
+        stiffness /= stiffness.sum()
+    share = brentq(lambda s: loop_width(s) - width_ratio, 1e-6, most)
     scale = range_v / branch(stroke_um, share)
     return MaxwellChain(scale * share * stiffness, scale * share * stiffness * slip_um, scale * (1.0 - share))
 

@@ -84,7 +84,7 @@ def draw_case(
     yardstick = commands if excitation in ("rich", "short") else _training_drives(bare, "rich")
     sizing = Sizing(bare, yardstick)
     parameters = {cause: sizing.fit(cause) for cause in causes if cause != "missing_hysteresis"}
-    setup = with_effects(bare, parameters)
+    setup = with_effects(bare, dict(parameters))
     actual = sizing if yardstick is commands else Sizing(bare, commands)
     sizes = {cause: actual.raw_and_visible(cause, parameters[cause]) for cause in parameters}
 
