@@ -1,0 +1,22 @@
+"""Recordings and models in files: CSV, plain columns, rosbag2 folders, YAML.
+
+Everything that is wrong with a file is told as one :class:`fomrc_core.errors.StorageError` line naming the
+file, the line or field, the value found and what is allowed.
+"""
+
+from fomrc_core.storage.atomic import write_text
+from fomrc_core.storage.bags import write_bag
+from fomrc_core.storage.model_files import model_to_parameters, read_model, write_model
+from fomrc_core.storage.recordings import read_recording, read_target, write_columns, write_recording
+
+__all__ = [
+    "model_to_parameters",
+    "read_model",
+    "read_recording",
+    "read_target",
+    "write_bag",
+    "write_columns",
+    "write_model",
+    "write_recording",
+    "write_text",
+]

@@ -1,0 +1,99 @@
+"""Bytes in and out of files: reading is bounded, writing is whole or not at all."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import secrets
+import zlib
+from pathlib import Path
+
+from fomrc_core.errors import StorageError
+
+_GZIP_MAGIC = b"\x1f\x8b"
+
+
+def read_bytes(path: str | os.PathLike[str], *, n_bytes_max: int) -> bytes:
+    """Read a file whole, unpacking gzip wherever the content says so.
+
+    Args:
+        path: file to read.
+        n_bytes_max: most bytes accepted, counted after unpacking, so that a small archive cannot fill memory.
+
+    Raises:
+        StorageError: no such file, a directory, unreadable, too large, or damaged gzip.
+    """
+    where = os.fspath(path)
+    if os.path.isdir(where):
+        raise StorageError("is a folder", where=where, allowed="a file")
+    try:
+        with open(where, "rb") as file:
+            content = file.read(n_bytes_max + 1)
+            if content.startswith(_GZIP_MAGIC):
+                if file.seekable():
+                    file.seek(0)
+                    content = gzip.GzipFile(fileobj=file).read(n_bytes_max + 1)
+                else:
+                    content = gzip.decompress(content)
+    except FileNotFoundError:
+        raise StorageError("no such file", where=where) from None
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise StorageError(f"damaged gzip file ({error})", where=where) from None
+    except OSError as error:
+        raise StorageError(f"cannot be read ({error.strerror or error})", where=where) from None
+    if len(content) > n_bytes_max:
+        raise StorageError("file too large", where=where, allowed=f"at most {n_bytes_max} bytes, unpacked")
+    return content
+
+
+def read_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
+    """Read a text file in UTF-8, with or without a byte-order mark; see :func:`read_bytes`."""
+    content = read_bytes(path, n_bytes_max=n_bytes_max)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise StorageError(
+            f"not a text file (byte {error.start} is no UTF-8)", where=os.fspath(path), allowed="UTF-8 text"
+        ) from None
+    if "\0" in text:
+        raise StorageError("not a text file (zero bytes)", where=os.fspath(path), allowed="UTF-8 text")
+    return text
+
+
+def write_bytes(content: bytes, path: str | os.PathLike[str]) -> None:
+    """Write a file so that a reader sees the old content or the new, never a part.
+
+    Raises:
+        StorageError: the folder is missing or cannot be written.
+    """
+    # A link keeps pointing where it did: what it points to is replaced, not the link.
+    target = Path(os.path.realpath(path))
+    where = os.fspath(path)
+    if target.is_dir():
+        raise StorageError("is a folder", where=where, allowed="a file name")
+    if not target.parent.is_dir():
+        raise StorageError("no such folder", where=str(target.parent), allowed="an existing folder")
+    try:
+        if target.exists() and not target.is_file():
+            target.write_bytes(content)  # a pipe or /dev/stdout cannot be replaced
+            return
+        temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+        try:
+            with open(temporary, "xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(f"cannot be written ({error.strerror or error})", where=where) from None
+
+
+def write_text(text: str, path: str | os.PathLike[str]) -> None:
+    """Write a text file whole or not at all, gzip where its name ends in ``.gz``; see :func:`write_bytes`."""
+    content = text.encode()
+    if os.fspath(path).endswith(".gz"):
+        # No time stamp inside: the same content gives the same file.
+        content = gzip.compress(content, mtime=0)
+    write_bytes(content, path)

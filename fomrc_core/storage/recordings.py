@@ -1,0 +1,207 @@
+"""Recordings and targets as text: CSV with a header, or plain columns."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.errors import StorageError
+from fomrc_core.recording import Recording
+from fomrc_core.storage.atomic import read_text, write_text
+from fomrc_core.storage.bags import is_bag, read_bag
+from fomrc_core.storage.tables import TextTable, number_or_none
+
+_N_BYTES_MAX = 2**31
+
+# What a column is called in a header (first) and what else it may be called there.
+_HEADER_NAMES: dict[str, tuple[str, ...]] = {
+    "time_s": (),
+    "voltage_v": (),
+    "displacement_um": (),
+    "desired_um": (),
+    "temperature_c": (),
+    "cross_voltage_v": ("second_voltage_v", "other_voltage_v", "voltage2_v", "voltage_2_v"),
+    "cross_displacement_um": (
+        "second_displacement_um", "other_displacement_um", "displacement2_um", "displacement_2_um",
+    ),
+}  # fmt: skip
+_FIELD_OF_HEADER = {alias: field for field, others in _HEADER_NAMES.items() for alias in (field, *others)}
+# 'time' for time_s and so on: what --columns calls them.
+_FIELD_OF_QUANTITY = {field.rpartition("_")[0]: field for field in _HEADER_NAMES}
+
+
+def read_recording(
+    path: str | os.PathLike[str],
+    *,
+    columns: Mapping[str, int | None] | None = None,
+    rate_hz: float | None = None,
+    topics: Mapping[str, str] | None = None,
+) -> Recording:
+    """Read a recording from a CSV file with a header, a plain column file or a rosbag2 folder.
+
+    Args:
+        path: the file or folder; text may be packed with gzip.
+        columns: for files without header: column numbers from 0 by quantity, e.g.
+            ``{"time": None, "voltage": 0, "displacement": 4}``; further quantities are desired, temperature,
+            cross_voltage, cross_displacement.
+        rate_hz: sample rate [Hz] where the file has no time.
+        topics: for rosbag2 folders: topic by quantity, where the names in the bag do not tell.
+
+    Raises:
+        StorageError: whatever is wrong with the file, in one line.
+        RecordingError: a record that is no usable recording.
+    """
+    if is_bag(path):
+        if columns is not None or rate_hz is not None:
+            raise StorageError("a rosbag2 has no columns or rate", where=os.fspath(path), allowed="topics")
+        return read_bag(path, topics=topics)
+    if topics is not None:
+        raise StorageError("topics are for rosbag2 folders", where=os.fspath(path), allowed="columns, rate")
+    table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    if columns is None:
+        table, found = _columns_of_header(table)
+    else:
+        table, found = _columns_as_told(table, columns)
+    _demand(found, ("voltage_v",), table.where, had_header=columns is None)
+    values = _fields(table, found, rate_hz)
+    return Recording(**values, name=Path(path).name)
+
+
+def read_target(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read times [s] and desired displacements [um] from a CSV file with columns time_s and desired_um.
+
+    Raises:
+        StorageError: whatever is wrong with the file, in one line.
+    """
+    table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    table, found = _columns_of_header(table)
+    _demand(found, ("time_s", "desired_um"), table.where, had_header=True)
+    values = _fields(table, {name: found[name] for name in ("time_s", "desired_um")}, None)
+    if values["time_s"].size < 2:
+        raise StorageError("too few rows", where=table.where, value=1, allowed="2 or more")
+    return values["time_s"], values["desired_um"]
+
+
+def write_recording(recording: Recording, path: str | os.PathLike[str]) -> None:
+    """Write a recording as CSV that reads back bit for bit; gzip where the name ends in ``.gz``.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    held = {name: getattr(recording, name) for name in _HEADER_NAMES}
+    write_columns({name: values for name, values in held.items() if values is not None}, path)
+
+
+def write_columns(columns: Mapping[str, NDArray[np.float64]], path: str | os.PathLike[str]) -> None:
+    """Write named columns of equal length as CSV, each number with as many digits as it takes to keep it.
+
+    Args:
+        columns: values by header name, each of shape (n_rows,).
+        path: file to write; gzip where its name ends in ``.gz``.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    cells = [map(repr, np.asarray(values, dtype=np.float64).tolist()) for values in columns.values()]
+    rows = map(",".join, zip(*cells, strict=True))
+    write_text("\n".join([",".join(columns), *rows, ""]), path)
+
+
+def _columns_of_header(table: TextTable) -> tuple[TextTable, dict[str, int]]:
+    header = table.cells(0)
+    if all(number_or_none(cell) is not None for cell in header):
+        raise StorageError(
+            "no header line naming the columns",
+            where=f"{table.where}, line {table.line_numbers[0]}",
+            value=table.lines[0].strip(),
+            allowed="time_s,voltage_v,displacement_um,... or --columns to say which is which",
+        )
+    found: dict[str, int] = {}
+    for column, cell in enumerate(header):
+        field = _FIELD_OF_HEADER.get(cell.lower())
+        if field in found:
+            raise StorageError(f"two columns are {field}", where=table.where, value=",".join(header))
+        if field is not None:
+            found[field] = column
+    _refuse_other_units(header, found, table.where)
+    # Told here because a row count of cells is compared with the first row of numbers, not with the header.
+    if len(table.lines) > 1 and len(table.cells(1)) != len(header):
+        raise StorageError(
+            "row has another number of cells than the header",
+            where=f"{table.where}, line {table.line_numbers[1]}",
+            value=len(table.cells(1)),
+            allowed=f"{len(header)} cells",
+        )
+    return table.without_first(), found
+
+
+def _refuse_other_units(header: Sequence[str], found: Mapping[str, int], where: str) -> None:
+    # A column displacement_nm would pass unseen, and the record for one without displacement.
+    for cell in header:
+        quantity, _, unit = cell.lower().rpartition("_")
+        field = _FIELD_OF_QUANTITY.get(quantity or unit)
+        if field is not None and field not in found:
+            raise StorageError("column has another unit, or none", where=where, value=cell, allowed=field)
+
+
+def _columns_as_told(table: TextTable, columns: Mapping[str, int | None]) -> tuple[TextTable, dict[str, int]]:
+    # One line of names above the numbers is no hindrance.
+    if not any(number_or_none(cell) is not None for cell in table.cells(0)):
+        table = table.without_first()
+    n_columns = len(table.cells(0)) if table.lines else 0
+    found: dict[str, int] = {}
+    for quantity, column in columns.items():
+        field = _FIELD_OF_QUANTITY.get(quantity, quantity)
+        if field not in _HEADER_NAMES:
+            allowed = ", ".join(_FIELD_OF_QUANTITY)
+            raise StorageError(
+                "unknown quantity in columns", where=table.where, value=quantity, allowed=allowed
+            )
+        if column is None:
+            continue
+        if isinstance(column, bool) or not isinstance(column, int) or not 0 <= column < n_columns:
+            allowed = f"0..{n_columns - 1}"
+            raise StorageError(
+                f"no such column for {quantity}", where=table.where, value=column, allowed=allowed
+            )
+        found[field] = column
+    return table, found
+
+
+def _demand(found: Mapping[str, int], needed: Sequence[str], where: str, *, had_header: bool) -> None:
+    for name in needed:
+        if name not in found:
+            quantity = name.rpartition("_")[0]
+            what = f"no column {name}" if had_header else f"columns does not say which is the {quantity}"
+            raise StorageError(what, where=where, value=sorted(found) or None, allowed=", ".join(needed))
+
+
+def _fields(
+    table: TextTable, found: Mapping[str, int], rate_hz: float | None
+) -> dict[str, NDArray[np.float64]]:
+    if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise StorageError("rate must be positive", where=table.where, value=rate_hz, allowed="above 0 Hz")
+    if "time_s" in found and rate_hz is not None:
+        raise StorageError("rate given though the file has time_s", where=table.where, value=rate_hz,
+                           allowed="a rate, or a time column, not both")  # fmt: skip
+    if "time_s" not in found and rate_hz is None:
+        raise StorageError("no column time_s and no rate", where=table.where, value=sorted(found) or None,
+                           allowed="a time column, or a rate in Hz (--rate)")  # fmt: skip
+    names = list(found)
+    fields = dict(zip(names, table.numbers([found[name] for name in names], names), strict=True))
+    if rate_hz is not None:
+        fields["time_s"] = np.arange(len(table.lines)) / rate_hz
+    steps_s = np.diff(fields["time_s"])
+    if np.any(steps_s <= 0.0):
+        row = int(np.argmax(steps_s <= 0.0)) + 1
+        raise StorageError(
+            "time does not increase",
+            where=f"{table.where}, line {table.line_numbers[row]}, column time_s",
+            value=float(fields["time_s"][row]),
+            allowed=f"more than {float(fields['time_s'][row - 1])!r}",
+        )
+    return fields
