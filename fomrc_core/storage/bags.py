@@ -185,6 +185,11 @@ def _read_topic(
 
 
 def _aligned(series: dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]], where: str) -> Recording:
+    for quantity, (stamps_ns, _) in series.items():
+        if np.any(np.diff(stamps_ns) < 0):
+            raise StorageError(
+                f"stamps of the {quantity} go backwards", where=where, allowed="increasing time"
+            )
     clock = "displacement" if "displacement" in series else "voltage"
     times_ns = series[clock][0]
     times_ns = times_ns[times_ns >= series["voltage"][0][0]]
@@ -197,10 +202,6 @@ def _aligned(series: dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]], w
         )
     fields: dict[str, NDArray[np.float64]] = {}
     for quantity, (stamps_ns, values) in series.items():
-        if np.any(np.diff(stamps_ns) < 0):
-            raise StorageError(
-                f"stamps of the {quantity} go backwards", where=where, allowed="increasing time"
-            )
         last = np.searchsorted(stamps_ns, times_ns, side="right") - 1
         _, field, scale = _QUANTITIES[quantity]
         fields[field] = scale * values[np.maximum(last, 0)]
