@@ -124,7 +124,7 @@ def tangent(chain: Chain, records: tuple[PreparedRecord, ...]) -> Tangent:
     parts = []
     gram = np.zeros((chain.weights.size + 1,) * 2)
     for index, record in enumerate(records):
-        slope = (predict(moved, record, index, n_parts=1) - predict(chain, record, index, n_parts=1)) / step
+        slope = (predict(moved, record, index, is_coarse=True) - predict(chain, record, index, is_coarse=True)) / step
         columns = np.column_stack((record_columns(chain, record, index), slope))
         columns = centred(columns, record.is_used)
         used = columns if np.all(record.is_used) else columns[record.is_used]

@@ -16,7 +16,7 @@ from fomrc_core.effects import Effect
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.hysteresis import OperatorSum, hysteresis_block
-from fomrc_core.model import ModelState, n_substeps, run_chain, settle_chain
+from fomrc_core.model import ModelState, run_chain, settle_chain
 from fomrc_core.recording import Recording
 
 Array = NDArray[np.float64]
@@ -157,7 +157,7 @@ def start_state(operator: OperatorSum, order: float, effects: tuple[Effect, ...]
 
 
 def predict(chain: Chain, record: PreparedRecord, index: int, extra: tuple[Effect, ...] = (),
-            n_parts: int | None = None) -> Array:  # fmt: skip
+            is_coarse: bool = False) -> Array:  # fmt: skip
     """Return the displacement [um] the chain gives for a record, offset not included, shape (n_samples,).
 
     Args:
@@ -165,12 +165,11 @@ def predict(chain: Chain, record: PreparedRecord, index: int, extra: tuple[Effec
         record: the record.
         index: which record it is, for the effects that belong to it.
         extra: further effects, each in place of one of its kind.
-        n_parts: parts each step is divided into; by default what the effects need.
+        is_coarse: divide the largest steps only.
     """
     names = {effect.name for effect in extra}
     effects = tuple(e for e in chain.effects_in(index) if e.name not in names) + extra
     effects = tuple(sorted(effects, key=lambda effect: effect.place))
     state, at_creep = start_state(chain.operator(), chain.creep_order, effects)
-    parts = n_substeps(effects) if n_parts is None else n_parts
     return run_chain(state, at_creep, effects, record.steps_s, record.voltage_v,
-                     temperature_c=record.recording.temperature_c, cross=record.cross, n_parts=parts)  # fmt: skip
+                     temperature_c=record.recording.temperature_c, cross=record.cross, is_coarse=is_coarse)  # fmt: skip

@@ -1,8 +1,8 @@
 """The model of the chain: drive effects, hysteresis, creep, mechanical effects, sensor effects.
 
 Without effects it is the FOMRC of equations (20)-(26): voltage through the play form of the Maxwell elements,
-then the fractional integrator. The drive is linear between samples; where an effect needs it, the chain runs on
-``N_SUBSTEPS`` equal parts of each step.
+then the fractional integrator, sample by sample, so that the direct inverse undoes it to rounding. With effects the
+drive is taken as linear between samples and the chain runs on parts of the larger steps (``parts_of_steps``).
 """
 
 from __future__ import annotations
@@ -19,11 +19,23 @@ from fomrc_core.creep import CreepModes, check_order, creep_block, creep_modes, 
 from fomrc_core.effects import Effect, Stage, effect_class
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.errors import ParameterError
-from fomrc_core.hysteresis import OperatorSum, check_elements, hysteresis_block, move_plays, play_form, stop_form
+from fomrc_core.hysteresis import HEADER as PLAYS_HEADER
+from fomrc_core.hysteresis import (
+    N_PLAYS,
+    OperatorSum,
+    check_elements,
+    hysteresis_block,
+    move_plays,
+    play_form,
+    stop_form,
+)
 
 Array = NDArray[np.float64]
 
 N_SUBSTEPS = 5
+N_PARTS_LARGE = 8
+LARGE_CHANGE = 0.02  # of the largest threshold
+SMALL_CHANGE = 1e-3
 
 
 @compiled
@@ -136,11 +148,6 @@ class PiezoModel:
         return creep_modes(self.creep_order)
 
     @cached_property
-    def n_substeps(self) -> int:
-        """Parts each step is divided into."""
-        return n_substeps(self.effects)
-
-    @cached_property
     def at_creep(self) -> int:
         """Where the creep block begins in the packed state."""
         return int(hysteresis_block(self.play_form).size)
@@ -166,12 +173,7 @@ class PiezoModel:
 
     def settle(self, state: ModelState, steps_s: Array, voltage_v: Array) -> None:
         """Move the state through what went before the record; clocks of time-dependent effects do not run."""
-        timed = {effect.name: state.effects[effect.name] for effect in self.effects
-                 if effect.stage in (Stage.SENSED, Stage.SAMPLED_DRIVE)}  # fmt: skip
-        kept = {name: values.copy() for name, values in timed.items()}
-        self.simulate(steps_s, voltage_v, state)
-        for name, values in kept.items():
-            timed[name][:] = values
+        settle_chain(state, self.at_creep, self.effects, steps_s, voltage_v)
 
     def advance(self, state: ModelState, voltage_v: float, step_s: float, *, temperature_c: float = np.nan,
                 cross: float = np.nan) -> float:  # fmt: skip
@@ -207,6 +209,11 @@ class PiezoModel:
         """
         steps, drive = _checked_inputs(steps_s, voltage_v, "voltage_v")
         state = self.initial_state() if state is None else state
+        if not self.effects:
+            state.last_input = float(drive[-1])
+            moved = np.empty(drive.size)
+            forward(state.packed, self.at_creep, drive, steps, moved)
+            return moved
         return run_chain(state, self.at_creep, self.effects, steps, drive, temperature_c=temperature_c, cross=cross)
 
     def to_mapping(self) -> dict[str, Any]:
@@ -267,22 +274,47 @@ def _checked_inputs(steps_s: Array, values: Array, name: str) -> tuple[Array, Ar
     return steps, inputs
 
 
-def subdivide(steps: Array, drive: Array, last: float, n_parts: int) -> tuple[Array, Array]:
-    """Return steps and a linear drive on ``n_parts`` equal parts of each step, shape (n_samples * n_parts,)."""
+def parts_of_steps(change_v: Array, scale_v: float, effects: tuple[Effect, ...], is_coarse: bool) -> NDArray[np.int64]:
+    """Return into how many equal parts each step is divided, shape (n_samples,).
+
+    Within a step the drive is linear but hysteresis bends it, and creep and the effects see the bend; it grows with
+    the change of the drive. A step in which the drive rests is exact as a whole, unless a delay must be read
+    between the samples of a ringing mass.
+
+    Args:
+        change_v: change of the drive over each step [V], shape (n_samples,).
+        scale_v: largest threshold of the plays [V].
+        effects: effects of the chain.
+        is_coarse: divide the largest steps only.
+    """
+    size = np.abs(change_v)
+    parts = np.where(size > LARGE_CHANGE * scale_v, N_PARTS_LARGE, 1)
+    if not is_coarse and any(effect.needs_substeps for effect in effects):
+        parts = np.maximum(parts, np.where(size > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1))
+        if {"mechanical_resonance", "transport_delay"} <= {effect.name for effect in effects}:
+            parts = np.maximum(parts, N_SUBSTEPS)
+    return parts
+
+
+def subdivide(steps: Array, drive: Array, last: float, parts: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return steps and a linear drive on equal parts of each step, and where each sample then stands."""
     before = np.concatenate(([last], drive[:-1]))
-    share = np.arange(1, n_parts + 1) / n_parts
-    fine = before[:, None] + (drive - before)[:, None] * share
-    fine[:, -1] = drive
-    return np.repeat(steps / n_parts, n_parts), np.ascontiguousarray(fine.reshape(-1))
+    ends = np.cumsum(parts) - 1
+    within = np.arange(1, ends[-1] + 2) - np.repeat(ends + 1 - parts, parts)
+    fine = np.repeat(before, parts) + np.repeat((drive - before) / parts, parts) * within
+    fine[ends] = drive
+    return np.repeat(steps / parts, parts), fine, ends
 
 
-def n_substeps(effects: tuple[Effect, ...]) -> int:
-    """Return the number of parts each step is divided into for these effects."""
-    return N_SUBSTEPS if any(effect.needs_substeps for effect in effects) else 1
+def settle_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], steps: Array, drive: Array) -> None:
+    """Move the state through what went before a record; clocks of time-dependent effects do not run."""
+    lasting = tuple(effect for effect in effects if effect.stage not in (Stage.SENSED, Stage.SAMPLED_DRIVE))
+    run_chain(state, at_creep, lasting, steps, drive)
 
 
 def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], steps: Array, drive: Array, *,
-              temperature_c: Array | None = None, cross: Array | None = None) -> Array:  # fmt: skip
+              temperature_c: Array | None = None, cross: Array | None = None,
+              is_coarse: bool = False) -> Array:  # fmt: skip
     """Return the displacement [um] the chain gives, shape (n_samples,); the state moves on.
 
     Args:
@@ -293,14 +325,19 @@ def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], ste
         drive: voltage [V], shape (n_samples,).
         temperature_c: temperature [degC], shape (n_samples,), where known.
         cross: second axis, shape (n_samples,), where known.
+        is_coarse: divide the largest steps only, for directions and first looks.
     """
     covariates = {"cross_axis": cross, "thermal_drift": temperature_c}
     stages = {stage: [effect for effect in effects if effect.stage is stage] for stage in Stage}
     for effect in stages[Stage.SAMPLED_DRIVE]:
         drive = effect.run(state.effects[effect.name], drive, steps)
     last, state.last_input = state.last_input, float(drive[-1])
-    n_parts = n_substeps(effects)
-    fine_steps, fine_drive = (steps, drive) if n_parts == 1 else subdivide(steps, drive, last, n_parts)
+    n_plays = int(state.packed[N_PLAYS])
+    scale_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
+    before = np.concatenate(([last], drive[:-1]))
+    parts = parts_of_steps(drive - before, scale_v, effects, is_coarse)
+    is_divided = bool(np.any(parts > 1))
+    fine_steps, fine_drive, ends = subdivide(steps, drive, last, parts) if is_divided else (steps, drive, None)
     for effect in stages[Stage.DRIVE]:
         fine_drive = effect.run(state.effects[effect.name], fine_drive, fine_steps)
     moved = np.empty(fine_drive.size)
@@ -313,8 +350,8 @@ def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], ste
         forward(state.packed, at_creep, fine_drive, fine_steps, moved)
     for effect in stages[Stage.MECHANICAL]:
         moved = effect.run(state.effects[effect.name], moved, fine_steps)
-    if n_parts > 1:
-        moved = np.ascontiguousarray(moved[n_parts - 1 :: n_parts])
+    if ends is not None:
+        moved = moved[ends]
     for effect in stages[Stage.SENSED]:
         moved = effect.run(state.effects[effect.name], moved, steps, covariates.get(effect.name))
     return moved

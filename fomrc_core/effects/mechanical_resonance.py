@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.signal import welch
 
 from fomrc_core.compiled import compiled
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
@@ -71,7 +72,21 @@ class MechanicalResonance(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return frequencies up to beyond half the sample rate, lightly and well damped."""
+        """Return well damped frequencies over the band, and lightly damped ones where the residual's spectrum peaks.
+
+        A peak may be the image of a frequency above half the sample rate, so its image is tried as well.
+        """
         rate = 1.0 / evidence.sample_period_s
-        trials: list[Effect] = [cls(float(f), 0.03) for f in rate * np.geomspace(0.02, 0.49, 14)]
-        return trials + [cls(float(f), 0.3) for f in rate * np.geomspace(0.02, 0.6, 4)]
+        trials: list[Effect] = [cls(float(f), 0.1) for f in rate * np.geomspace(0.02, 0.49, 8)]
+        trials += [cls(float(f), 0.4) for f in rate * np.geomspace(0.02, 0.8, 4)]
+        longest = max(evidence.records, key=lambda record: record.time_s.size)
+        frequency, power = welch(longest.residual_um, fs=rate, nperseg=min(1024, longest.time_s.size))
+        power = np.where(frequency > 0.01 * rate, power, 0.0)
+        for _ in range(3):
+            peak = int(np.argmax(power))
+            if power[peak] == 0.0:
+                break
+            for f in (frequency[peak], rate - frequency[peak]):
+                trials += [cls(float(f), damping) for damping in (0.01, 0.04)]
+            power[max(0, peak - 6) : peak + 7] = 0.0
+        return trials
