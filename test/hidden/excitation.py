@@ -14,6 +14,8 @@ EXCITATIONS = (
     "short",
     "slow_triangle",
     "single_sine",
+    "slow_sines",
+    "level_hold",
     "steps_only",
     "staircase_only",
     "multisine_only",
@@ -141,6 +143,13 @@ def _rich(drive: Drive, rng: np.random.Generator, share: float) -> None:
     drive.hold(4.0 * share)
 
 
+def _sine(drive: Drive, frequency_hz: float, duration_s: float, part: float) -> None:
+    """Append a sine over a part of the range about its middle, led in from its trough."""
+    time_s = np.arange(round(duration_s * drive.rate_hz)) / drive.rate_hz
+    middle, swing = drive.level(0.5), 0.5 * part * (drive.high_v - drive.low_v)
+    drive.append(middle - swing * np.cos(2.0 * np.pi * frequency_hz * time_s))
+
+
 def draw_drive(
     excitation: str, part: str, low_v: float, high_v: float, rate_hz: float, rng: np.random.Generator
 ) -> np.ndarray:
@@ -157,10 +166,15 @@ def draw_drive(
             drive.line(low_v * rng.uniform(0.9, 1.0) if part != "train" else low_v, slope)
         drive.line(0.0, slope)
     elif excitation == "single_sine":
-        frequency_hz = rng.uniform(0.5, 2.0)
-        n = round(30.0 * rate_hz)
-        middle, swing = 0.5 * (low_v + high_v), 0.5 * (high_v - low_v) * (1.0 if part == "train" else 0.9)
-        drive.append(middle - swing * np.cos(2.0 * np.pi * frequency_hz * np.arange(n) / rate_hz))
+        _sine(drive, rng.uniform(0.5, 2.0), 30.0, 1.0 if part == "train" else 0.9)
+    elif excitation == "slow_sines":
+        # Fast enough to show a lag, too slow to show of what kind it is.
+        for frequency_hz in (0.5, 4.0, 8.0):
+            _sine(drive, frequency_hz * rng.uniform(0.9, 1.1), 10.0, 1.0 if part == "train" else 0.9)
+    elif excitation == "level_hold":
+        slow_triangle(drive, rng, 4.0, 2)
+        drive.line(drive.level(rng.uniform(0.75, 0.9)), 4.0)
+        drive.hold(40.0)
     elif excitation == "steps_only":
         drive.hold(0.5)
         steps(drive, rng, 30.0)

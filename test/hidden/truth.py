@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,9 @@ def draw_case(
     sizing = Sizing(bare, yardstick)
     parameters = {cause: sizing.fit(cause) for cause in causes if cause != "missing_hysteresis"}
     setup = with_effects(bare, dict(parameters))
+    if "thermal_drift" in parameters:
+        # A drift that is not the room's is one where nobody recorded a temperature.
+        setup = replace(setup, has_temperature="um_per_degc" in parameters["thermal_drift"])
     actual = sizing if yardstick is commands else Sizing(bare, commands)
     sizes = {cause: actual.raw_and_visible(cause, parameters[cause]) for cause in parameters}
 
