@@ -16,7 +16,7 @@ from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.kernels import knee_sum
 from fomrc_core.hysteresis import HEADER, N_PLAYS, SLOPE, hysteresis_block, move_plays, move_stops
-from fomrc_core.model import ModelState, PiezoModel, _checked_inputs
+from fomrc_core.model import ModelState, PiezoModel, _checked_inputs, check_step
 
 Array = NDArray[np.float64]
 
@@ -113,6 +113,7 @@ class Compensator:
     def advance(self, state: ModelState, desired_um: float, step_s: float, *, temperature_c: float = np.nan,
                 cross: float = np.nan) -> float:  # fmt: skip
         """Return the voltage [V] after one step of ``step_s`` [s] that ends at ``desired_um`` [um]."""
+        check_step(step_s, desired_um, "desired_um")
         if not self.model.effects:
             state.last_input = desired_um
             return float(inverse_step(state.packed, self.at_creep, desired_um, step_s))

@@ -7,6 +7,7 @@ drive is taken as linear between samples and the chain runs on parts of the larg
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -186,6 +187,7 @@ class PiezoModel:
             temperature_c: temperature [degC], for effects that use it.
             cross: second axis, for effects that use it.
         """
+        check_step(step_s, voltage_v, "voltage_v")
         if not self.effects:
             state.last_input = voltage_v
             return float(forward_step(state.packed, self.at_creep, voltage_v, step_s))
@@ -257,6 +259,14 @@ class PiezoModel:
         return cls(mapping["kappa_um_per_v"], mapping["saturation_v"], mapping["creep_order"], tuple(effects))
 
 
+def check_step(step_s: float, value: float, name: str) -> None:
+    """Raise ParameterError unless a step [s] is positive and finite and the value that ends it finite."""
+    if not 0.0 < step_s < math.inf:
+        raise ParameterError("step is not positive", where="step_s", value=step_s, allowed="> 0 s, finite")
+    if not -math.inf < value < math.inf:
+        raise ParameterError("value is not finite", where=name, value=value, allowed="finite numbers")
+
+
 def _iterable(value: Any) -> Any:
     return value if isinstance(value, (list, tuple)) else ()
 
@@ -267,8 +277,10 @@ def _checked_inputs(steps_s: Array, values: Array, name: str) -> tuple[Array, Ar
     if steps.ndim != 1 or steps.shape != inputs.shape or steps.size == 0:
         raise ParameterError("steps_s and input do not fit", where=name, value=(steps.shape, inputs.shape),
                              allowed="two arrays of one shape (n_samples,)")  # fmt: skip
-    if not np.all(steps > 0.0):
-        raise ParameterError("step is not positive", where="steps_s", value=float(np.min(steps)), allowed="> 0 s")
+    is_bad = ~((steps > 0.0) & (steps < np.inf))
+    if np.any(is_bad):
+        k = int(np.argmax(is_bad))
+        raise ParameterError(f"step {k} is not positive", where="steps_s", value=float(steps[k]), allowed="> 0 s, finite")
     if not np.all(np.isfinite(inputs)):
         raise ParameterError("value is not finite", where=name, allowed="finite numbers")
     return steps, inputs
