@@ -24,6 +24,7 @@ import numpy as np
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.inverse import Compensator
 from fomrc_core.model import ModelState, PiezoModel
+from fomrc_core.storage.atomic import write_bytes
 from fomrc_ros.actuator_memory import ActuatorMemory, aging_steps, carried, carries_exactly
 from fomrc_ros.turning_points import TurningPoints
 
@@ -144,19 +145,19 @@ class CheckpointWriter:
         while (item := self._queue.get()) is not None:
             sequence, content = item
             try:
-                write_atomically(self._path, _sealed(content))
+                write_bytes(_sealed(content), self._path)
                 self.n_snapshots += 1
                 self.failure = ""
                 for journal in _journals(self._path):
                     if _journal_number(journal) < sequence:
                         journal.unlink(missing_ok=True)
-            except OSError as error:
+            except (OSError, StorageError) as error:
                 self._fail(error)
             finally:
                 self._queue.task_done()
 
-    def _fail(self, error: OSError) -> None:
-        self.failure = f"checkpoint cannot be written: {error.strerror or error}"
+    def _fail(self, error: Exception) -> None:
+        self.failure = f"checkpoint cannot be written: {error}"
 
 
 def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Resumed | None:
@@ -210,18 +211,6 @@ def discard_checkpoint(path: Path) -> Path:
     for journal in _journals(path):
         journal.unlink(missing_ok=True)
     return aside
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that a reader finds the old content or the new, never part of it."""
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
-    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    try:
-        os.write(descriptor, content)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-    os.replace(new, path)
 
 
 def _snapshot(

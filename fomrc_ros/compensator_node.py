@@ -14,6 +14,7 @@ from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
+from fomrc_core import excitation
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_ros.checkpoint import CheckpointWriter, discard_checkpoint, read_checkpoint
 from fomrc_ros.compensation_loop import CompensationLoop
@@ -305,7 +306,6 @@ class CompensatorNode(LifecycleNode):
         if loop.is_in_routine:
             response.success, response.message = False, "a routine runs already"
             return response
-        from fomrc_core import excitation
 
         settings = self.settings
         routine = excitation.relaxation(

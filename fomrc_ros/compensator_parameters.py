@@ -79,7 +79,7 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
         ),
         ParameterSpec(
             "relax_frequency_hz",
-            2.0,
+            10.0,
             "frequency of the relaxation routine",
             unit="Hz",
             minimum=0.01,

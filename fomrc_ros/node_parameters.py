@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from fomrc_core.errors import FomrcError, ParameterError
 
 Kind = Parameter.Type
-_PYTHON_TYPES: dict[Any, tuple[type, str]] = {
+_PYTHON_TYPES: dict[Any, tuple[Any, str]] = {
     Kind.BOOL: (bool, "true or false"),
     Kind.INTEGER: (int, "an integer"),
     Kind.DOUBLE: (float, "a number"),

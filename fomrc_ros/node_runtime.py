@@ -49,15 +49,15 @@ def steady_clock() -> Clock:
     return Clock(clock_type=ClockType.STEADY_TIME)
 
 
-def make_executor() -> Any:
+def make_executor(context: Any = None) -> Any:
     """Return the executor measured best for a fast loop: events, or single-threaded where there is none."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
         from rclpy.executors import SingleThreadedExecutor
 
-        return SingleThreadedExecutor()
-    return EventsExecutor()
+        return SingleThreadedExecutor(context=context)
+    return EventsExecutor(context=context)
 
 
 def run(make_node: Callable[[], Any], arguments: list[str] | None = None) -> int:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from fomrc_core.errors import StorageError
+from fomrc_core.storage.atomic import read_text
+from fomrc_core.storage.plain_yaml import load_yaml
 
 LARGEST_PARAMETER_FILE_BYTES = 1_000_000
 _DEEPEST = 12
@@ -65,23 +64,9 @@ def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
         StorageError: not there, too large, no safe YAML, no parameters for this node.
     """
     where = str(path)
-    try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise StorageError("not a file", where=where)
-        if size > LARGEST_PARAMETER_FILE_BYTES:
-            raise StorageError(
-                "file too large",
-                where=where,
-                value=size,
-                allowed=f"{LARGEST_PARAMETER_FILE_BYTES} bytes or fewer",
-            )
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"cannot be read: {error.strerror or error}", where=where) from None
-    except UnicodeDecodeError:
-        raise StorageError("not text", where=where, allowed="YAML in UTF-8") from None
-    content = _safe_yaml(text, where)
+    if path.exists() and not path.is_file():
+        raise StorageError("not a file", where=where)
+    content = load_yaml(read_text(path, n_bytes_max=LARGEST_PARAMETER_FILE_BYTES), where)
     if not isinstance(content, dict):
         raise StorageError(
             "no parameters in it", where=where, value=content, allowed="/**: {ros__parameters: {...}}"
@@ -127,46 +112,6 @@ def _names_node(key: str, node_name: str) -> bool:
     return len(own_parts) == len(node_parts) and all(
         own_part in ("*", node_part) for own_part, node_part in zip(own_parts, node_parts, strict=True)
     )
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """Safe YAML without aliases and without a key given twice."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.events.AliasEvent):
-            raise yaml.composer.ComposerError(
-                None, None, "aliases are not allowed", self.peek_event().start_mark
-            )
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for k, key in enumerate(keys):
-            if isinstance(key, (list, dict)):
-                raise yaml.constructor.ConstructorError(None, None, "a key is not a name", node.start_mark)
-            if key in keys[:k]:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} given twice", node.start_mark
-                )
-        return super().construct_mapping(node, deep)
-
-
-# YAML 1.1 reads 1e-3 as a string; the ROS parameter parser, and people, read a number.
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+.0123456789"),
-)
-
-
-def _safe_yaml(text: str, where: str) -> Any:
-    try:
-        return yaml.load(text, Loader=_StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        line = "" if error.problem_mark is None else f" line {error.problem_mark.line + 1}"
-        raise StorageError(f"not safe YAML: {error.problem}", where=f"{where}{line}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise StorageError(f"not safe YAML: {type(error).__name__}", where=where) from None
 
 
 def _flatten(block: Mapping[Any, Any], prefix: str, found: dict[str, Any], where: str, depth: int) -> None:

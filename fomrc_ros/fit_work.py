@@ -1,0 +1,132 @@
+"""What the identification node has done in a process of its own: fit and diagnosis of recordings in files."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fomrc_core.recording import Recording
+
+Tell = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class RecordingFiles:
+    """Recordings to work on.
+
+    Args:
+        paths: files, one or more.
+        test_path: a file the result is tried on, "" for none.
+        columns: which column is what, for files without a header: "" or e.g. "voltage=0,displacement=4".
+        rate_hz: sampling rate of files without a time column [Hz], 0 where they have one.
+    """
+
+    paths: tuple[str, ...]
+    test_path: str = ""
+    columns: str = ""
+    rate_hz: float = 0.0
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """A fit to make.
+
+    Args:
+        recordings: files, or the recordings themselves.
+        n_elements: number of elements, 0 for as many as the data support.
+        method: convex or paper.
+        output_path: model file to write.
+    """
+
+    recordings: RecordingFiles | tuple[Recording, ...]
+    n_elements: int
+    method: str
+    output_path: str
+
+
+@dataclass(frozen=True)
+class FitAnswer:
+    """What came of a fit: the model file's text and how good the fit is."""
+
+    model_text: str
+    model_mapping: dict[str, Any]
+    nrmse_percent: float
+    rms_um: float
+    outcome: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class DiagnosisRequest:
+    """A diagnosis to make.
+
+    Args:
+        recordings: files.
+        model_path: model to begin with, "" to fit one first.
+        output_folder: where diagnosis.json, extended_model.yaml and report.html go.
+    """
+
+    recordings: RecordingFiles
+    model_path: str
+    output_folder: str
+
+
+def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None]:
+    """Return the recordings, and the one to test on where there is one."""
+    from fomrc_core.storage import read_recording
+
+    options: dict[str, Any] = {}
+    if files.columns:
+        options["columns"] = files.columns
+    if files.rate_hz > 0.0:
+        options["rate_hz"] = files.rate_hz
+    recordings = [read_recording(Path(path), **options) for path in files.paths]
+    test = read_recording(Path(files.test_path), **options) if files.test_path else None
+    return recordings, test
+
+
+def fit(request: FitRequest, tell: Tell) -> FitAnswer:
+    """Fit the recordings, write the model file and return what came of it."""
+    from fomrc_core.identification import identify
+    from fomrc_core.storage import write_model
+
+    if isinstance(request.recordings, RecordingFiles):
+        tell(0.0, "reading")
+        recordings, test = read_files(request.recordings)
+    else:
+        recordings, test = list(request.recordings), None
+    found = identify(
+        recordings, n_elements=request.n_elements or "auto", method=request.method, test=test, progress=tell
+    )
+    path = Path(request.output_path)
+    write_model(found.model, path)
+    return FitAnswer(
+        path.read_text(encoding="utf-8"),
+        found.model.to_mapping(),
+        float(found.nrmse_percent),
+        float(found.rms_um),
+        str(getattr(found.outcome, "value", found.outcome)),
+        str(found.reason),
+    )
+
+
+def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
+    """Diagnose the recordings, write the reports and return the findings in one line."""
+    from fomrc_core import diagnosis, report
+    from fomrc_core.storage import read_model
+
+    tell(0.0, "reading")
+    recordings, test = read_files(request.recordings)
+    model = read_model(Path(request.model_path)) if request.model_path else None
+    found = diagnosis.diagnose(recordings, test=test, model=model, progress=tell)
+    report.write_diagnosis(found, Path(request.output_folder))
+    causes = ", ".join(str(finding.effect_name) for finding in found.findings)
+    return causes or "nothing beside hysteresis and creep"
+
+
+def scratch_file(name: str) -> str:
+    """Return a path for a file that nobody else uses."""
+    return str(Path(tempfile.mkdtemp(prefix="fomrc_")) / name)

@@ -1,0 +1,108 @@
+"""Long work in a process of its own, so that no loop stops: progress on the way, a result or a reason at the end."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from fomrc_core.errors import FomrcError
+
+Work = Callable[[Any, Callable[[float, str], None]], Any]
+_END_WAIT_S = 2.0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is: fraction done [1] and what is being done."""
+
+    fraction: float
+    message: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How the work ended: its result, or the reason there is none."""
+
+    result: Any = None
+    reason: str = ""
+
+
+class WorkerProcess:
+    """One piece of work in a spawned process.
+
+    Spawned, not forked: a fork would carry the middleware's threads and locks along.
+
+    Args:
+        work: a function at module level, called with ``request`` and a progress callback.
+        request: what to do; must pickle.
+    """
+
+    def __init__(self, work: Work, request: Any) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._receiver, sender = context.Pipe(duplex=False)
+        self._process = context.Process(target=_do, args=(sender, work, request), daemon=True)
+        self._process.start()
+        sender.close()
+        self.progress = Progress(0.0, "starting")
+        self.outcome: Outcome | None = None
+
+    def poll(self) -> Outcome | None:
+        """Take in what the process has said; return how it ended, None while it runs."""
+        try:
+            while self.outcome is None and self._receiver.poll():
+                message = self._receiver.recv()
+                if isinstance(message, Progress):
+                    self.progress = message
+                else:
+                    self.outcome = message
+        except (EOFError, OSError):
+            self._process.join(_END_WAIT_S)
+            self.outcome = Outcome(reason=f"the process ended early (exit code {self._process.exitcode})")
+        if self.outcome is not None:
+            self._end()
+        return self.outcome
+
+    def cancel(self, reason: str = "cancelled") -> None:
+        """End the work now."""
+        if self.outcome is None:
+            self.outcome = Outcome(reason=reason)
+        self._end()
+
+    def _end(self) -> None:
+        if self._process.is_alive():
+            self._process.join(0.05)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(_END_WAIT_S)
+            if self._process.is_alive():
+                self._process.kill()
+        with contextlib.suppress(OSError):
+            self._receiver.close()
+
+
+def _do(sender: Connection, work: Work, request: Any) -> None:
+    # Ctrl-C goes to the whole terminal; the node decides what becomes of this process.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def tell(fraction: float, message: str) -> None:
+        sender.send(Progress(float(fraction), str(message)[:200]))
+
+    try:
+        outcome = Outcome(result=work(request, tell))
+    except FomrcError as error:
+        outcome = Outcome(reason=str(error))
+    except MemoryError:
+        outcome = Outcome(reason="not enough memory")
+    except BrokenPipeError:
+        return  # whoever asked is gone
+    except Exception as error:
+        outcome = Outcome(reason=f"{type(error).__name__}: {error}")
+    with contextlib.suppress(OSError):
+        sender.send(outcome)
+        sender.close()

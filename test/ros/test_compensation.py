@@ -1,0 +1,123 @@
+"""Desired position in, voltage out: what comes over the topics is what the model says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import compensator_of, journal_records, model_file
+from sensor_msgs.msg import JointState
+
+
+def swing(t: float) -> float:
+    return 1e-6 * (0.8 * math.sin(2.0 * math.pi * 0.7 * t) + 0.3 * math.sin(2.0 * math.pi * 1.9 * t))
+
+
+def test_voltage_is_the_models_and_goes_on_at_rest(tmp_path, probe, start):
+    checkpoint = tmp_path / "memory"
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=500.0, checkpoint_file=checkpoint,
+                 checkpoint_period_s=3600.0, stop_policy="hold", slew_limit_v_per_s=5000.0)  # fmt: skip
+    heard = probe.record("voltage")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, swing, 1.5)
+    probe.until(lambda: len(heard) > 100, "voltages")
+    n_moving = len(heard)
+    probe.until(lambda: len(heard) > n_moving + 200, "voltages while the target rests")
+    voltages = [message.data for _, message in heard]
+    assert voltages[-1] != voltages[-100], "creep compensation must go on at rest"
+    node.stop()
+
+    ticks = journal_records(checkpoint)
+    # The first tick is in the snapshot the journal began with: one period at the first target.
+    steps = np.concatenate(([0.002], ticks[:, 1]))
+    followed = np.concatenate(([first_target(checkpoint)], ticks[:, 2]))
+    expected = compensator_of().run(steps, followed)[1:]
+    np.testing.assert_allclose(ticks[:, 3], expected, rtol=0.0, atol=1e-12)
+    assert set(voltages) <= {expected_first(ticks, followed), *ticks[:, 3].tolist()}
+
+
+def expected_first(ticks, followed) -> float:
+    return float(compensator_of().run(np.array([0.002]), followed[:1])[0])
+
+
+def first_target(checkpoint) -> float:
+    import json
+
+    return json.loads(checkpoint.read_bytes().partition(b"\n")[2])["desired_um"]
+
+
+def test_stage_follows_over_joint_states(tmp_path, probe, start):
+    file = model_file(tmp_path / "model.yaml", interface="joint_state", joint_name="z_axis")
+    start("compensator", file)
+    start("simulated_pea", file, plant="fomrc", noise_rms_m=0.0)
+    seen = probe.record("displacement", JointState)
+    publisher = probe.publisher("desired_position", JointState)
+    probe.until(lambda: seen, "displacement")
+    probe.drive(publisher, lambda t: 0.0, 0.3)
+    seen.clear()
+    sent = np.array(probe.drive(publisher, lambda t: 1e-6 * math.sin(2.0 * math.pi * 0.4 * t), 3.0, name="z_axis",
+                                rate_hz=500.0))  # fmt: skip
+    times = np.array([t for t, _ in seen])
+    moved = np.array([message.position[0] for _, message in seen])
+    stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for _, message in seen]
+    assert seen[-1][1].name == ["z_axis"]
+    assert np.all(np.diff(stamps) > 0.0)
+    inside = (times > sent[0, 0] + 0.1) & (times < sent[-1, 0])
+    error = moved[inside] - np.interp(times[inside], sent[:, 0], sent[:, 1])
+    # What is left is the time a message takes: some milliseconds at 2.5 um/s.
+    assert 100.0 * np.sqrt(np.mean(error**2)) / np.ptp(moved[inside]) < 1.5
+
+
+def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0)
+    heard = probe.record("voltage")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
+    bad = (math.nan, math.inf, -math.inf, 1e300, 1.0)
+    probe.drive(publisher, lambda t: bad[min(int(t / 0.1), 4)], 0.6)
+    probe.until(
+        lambda: int(probe.diagnostics.get(node.name, {}).get("refused_messages", 0)) >= 50, "refusals"
+    )
+    assert "0.1 m" in probe.diagnostics[node.name]["last_refusal"]
+    n = len(heard)
+    probe.until(lambda: len(heard) > n + 20, "voltage after bad targets")
+    assert all(math.isfinite(message.data) and abs(message.data) < 1.0 for _, message in heard)
+
+
+def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, minimum_voltage_v=-0.5,
+                 maximum_voltage_v=1.0, slew_limit_v_per_s=2.0)  # fmt: skip
+    heard = probe.record("voltage")
+    publisher = probe.publisher("desired_position")
+    for goal in (50e-6, -50e-6):
+        probe.drive(publisher, lambda t, goal=goal: goal, 1.5)
+    voltages = np.array([message.data for _, message in heard])
+    assert voltages.max() == 1.0
+    assert voltages.min() == -0.5
+    # Two periods' worth where a tick came late.
+    assert np.max(np.abs(np.diff(voltages))) <= 2.0 * 2.0 / 200.0 + 1e-12
+    assert np.median(np.abs(np.diff(voltages))[np.abs(np.diff(voltages)) > 0]) <= 2.0 / 200.0 + 1e-12
+    probe.until(
+        lambda: int(probe.diagnostics.get(node.name, {}).get("clamped_ticks", 0)) > 0, "clamps counted"
+    )
+    assert int(probe.diagnostics[node.name]["slewed_ticks"]) > 0
+    # Back from the limits the stage is where it is wanted, although it could not follow meanwhile.
+    probe.drive(publisher, lambda t: 0.3e-6, 1.0)
+    assert -0.5 < heard[-1][1].data < 1.0
+
+
+def test_stale_target_ramps_to_the_safe_voltage(tmp_path, probe, start):
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, stale_after_s=0.3,
+                 stale_policy="ramp", safe_voltage_v=0.2, safe_ramp_v_per_s=5.0)  # fmt: skip
+    heard = probe.record("voltage")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    tracking = heard[-1][1].data
+    assert tracking > 0.4
+    probe.until(lambda: heard[-1][1].data == 0.2, "safe voltage")
+    probe.until(lambda: probe.levels.get(node.name) == DiagnosticStatus.WARN, "warning")
+    probe.until(lambda: probe.messages[node.name] == "ramping to the safe voltage", "reason")
+    # A target that comes again is followed again.
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    assert abs(heard[-1][1].data - tracking) < 0.05
