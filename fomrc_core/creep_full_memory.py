@@ -2,10 +2,11 @@
 
 For an input that is linear between samples and rose linearly from zero over the first step, (18)-(19) give
 
-    x_k = sum_j (y_j - y_{j-1}) / dt_j * ((t_k - t_{j-1})^(alpha+1) - (t_k - t_j)^(alpha+1)) / Gamma(alpha + 2),
+    x_k = sum_j (y_j - y_{j-1}) / dt_j
+          * ((t_k - t_{j-1})^(alpha+1) - (t_k - t_j)^(alpha+1)) / Gamma(alpha + 2),
 
-product integration: exact for such an input, with no memory cut and no modes. Cost grows with the square of the
-number of samples, or as N log N for uniform steps.
+product integration: exact for such an input, with no memory cut and no modes. Cost grows with the square of
+the number of samples, or as N log N for uniform steps.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def creep_full_memory(order: float, values: Array, steps_s: Array) -> Array:
         raise ParameterError("steps_s and values do not fit", where="values", value=(dt.shape, y.shape),
                              allowed="two arrays of one shape (n_samples,)")  # fmt: skip
     if not np.all(dt > 0.0):
-        raise ParameterError("step is not positive", where="steps_s", value=float(np.min(dt)), allowed="> 0 s")
+        raise ParameterError(
+            "step is not positive", where="steps_s", value=float(np.min(dt)), allowed="> 0 s"
+        )
     changes = np.diff(y, prepend=0.0)
     if np.all(dt == dt[0]):
         index = np.arange(1, y.size + 1, dtype=np.float64)

@@ -11,6 +11,7 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import run_lag
 
+
 @dataclass(frozen=True)
 class AmplifierBandwidth(Effect):
     """First-order low-pass on the drive, exact for a drive linear between samples."""

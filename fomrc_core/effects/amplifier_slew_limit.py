@@ -11,6 +11,7 @@ from fomrc_core.compiled import compiled
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 
+
 @compiled
 def _run_slew(state: Array, slew_v_per_s: float, values: Array, steps_s: Array, out: Array) -> None:
     output = state[0]

@@ -11,6 +11,7 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import DELAY_CAPACITY, delay_state
 
+
 @dataclass(frozen=True)
 class ClockSkew(Effect):
     """The sensor's sample at nominal time t was taken at t (1 + ppm 1e-6) of the drive's clock.

@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 
+
 @dataclass(frozen=True)
 class DacQuantization(Effect):
     """Rounding of the drive to multiples of a step, at the samples."""

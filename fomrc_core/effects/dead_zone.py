@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 
+
 @dataclass(frozen=True)
 class DeadZone(Effect):
     """Symmetric dead zone about zero volts."""

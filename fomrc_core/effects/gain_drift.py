@@ -11,6 +11,7 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import elapsed_times
 
+
 @dataclass(frozen=True)
 class GainDrift(Effect):
     """Displacement times one plus a rate times the time since the start."""

@@ -47,18 +47,22 @@ def run_lag(state: Array, time_constant_s: float, values: Array, steps_s: Array,
 
 
 def delay_state() -> Array:
-    """Return an empty delay line: count, elapsed time [s], unused, then times and values."""
-    state = np.zeros(_DELAY_HEADER + 2 * DELAY_CAPACITY)
-    return state
+    """Return an empty delay line: count, elapsed time [s], reading place, then times and values."""
+    return np.zeros(_DELAY_HEADER + 2 * DELAY_CAPACITY)
 
 
 @compiled
-def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with the values ``delay_s`` ago, linear between samples; before the start they were zero."""
+def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: Array) -> bool:
+    """Fill ``out`` with the values ``delay_s`` ago, linear between samples; before the start they were zero.
+
+    Returns whether the delay line was long enough for every sample.
+    """
     count = int(state[0])
     elapsed = state[1]
+    reader = int(state[2])  # how many samples are not younger than what is read
     times = _DELAY_HEADER
     stored = _DELAY_HEADER + DELAY_CAPACITY
+    is_long_enough = True
     for k in range(values.size):
         elapsed += steps_s[k]
         slot = count % DELAY_CAPACITY
@@ -66,30 +70,28 @@ def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: 
         state[stored + slot] = values[k]
         count += 1
         wanted = elapsed - delay_s
-        later_time, later_value = elapsed, values[k]
-        result = 0.0
-        back = 1
-        while True:
-            if back >= DELAY_CAPACITY:
-                result = later_value
-                break
-            if back >= count:
-                earlier_time, earlier_value = 0.0, 0.0
-            else:
-                earlier_slot = (count - 1 - back) % DELAY_CAPACITY
-                earlier_time, earlier_value = state[times + earlier_slot], state[stored + earlier_slot]
-            if earlier_time <= wanted or back >= count:
-                if wanted <= 0.0:
-                    result = 0.0
-                else:
-                    share = (wanted - earlier_time) / (later_time - earlier_time)
-                    result = earlier_value + share * (later_value - earlier_value)
-                break
-            later_time, later_value = earlier_time, earlier_value
-            back += 1
-        out[k] = result
-    state[0] = float(count)
-    state[1] = elapsed
+        # Both ways: a changed delay takes over the state of another.
+        while reader < count and state[times + reader % DELAY_CAPACITY] <= wanted:
+            reader += 1
+        while reader > 0 and state[times + (reader - 1) % DELAY_CAPACITY] > wanted:
+            reader -= 1
+        if reader == count:
+            out[k] = values[k]
+            continue
+        earlier_time, earlier_value = 0.0, 0.0
+        if wanted > 0.0 and count - reader >= DELAY_CAPACITY:
+            is_long_enough = False  # what is to be read has been overwritten
+        if reader > 0:
+            earlier = (reader - 1) % DELAY_CAPACITY
+            earlier_time, earlier_value = state[times + earlier], state[stored + earlier]
+        later = reader % DELAY_CAPACITY
+        if wanted <= 0.0:
+            out[k] = 0.0
+        else:
+            share = (wanted - earlier_time) / (state[times + later] - earlier_time)
+            out[k] = earlier_value + share * (state[stored + later] - earlier_value)
+    state[0], state[1], state[2] = float(count), elapsed, float(reader)
+    return is_long_enough
 
 
 @compiled

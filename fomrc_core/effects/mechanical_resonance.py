@@ -13,6 +13,7 @@ from fomrc_core.compiled import compiled
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 
+
 @compiled
 def _run_resonance(state: Array, omega: float, damping: float, values: Array, steps_s: Array, out: Array) -> None:
     # x'' + 2 d w x' + w^2 x = w^2 f with f linear over the step: particular solution a line, the rest decays.

@@ -12,6 +12,7 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import lag_weights, run_lag
 
+
 @dataclass(frozen=True)
 class SlowRelaxation(Effect):
     """Displacement plus a share of itself that arrives with one time constant (a Zener element)."""

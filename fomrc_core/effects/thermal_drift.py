@@ -11,6 +11,7 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import elapsed_times
 
+
 @dataclass(frozen=True)
 class ThermalDrift(Effect):
     """Displacement in proportion to temperature where it is recorded, else a smooth drift in time."""

@@ -9,7 +9,9 @@ import numpy as np
 
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
-from fomrc_core.effects.kernels import delay_state, run_delay
+from fomrc_core.effects.kernels import DELAY_CAPACITY, delay_state, run_delay
+from fomrc_core.errors import ParameterError
+
 
 @dataclass(frozen=True)
 class TransportDelay(Effect):
@@ -35,9 +37,15 @@ class TransportDelay(Effect):
         return delay_state()
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return the delayed displacement [um], shape (n_samples,)."""
+        """Return the delayed displacement [um], shape (n_samples,).
+
+        Raises:
+            ParameterError: the delay is longer than the delay line at these steps.
+        """
         out = np.empty(values.size)
-        run_delay(state, self.delay_s, values, steps_s, out)
+        if not run_delay(state, self.delay_s, values, steps_s, out):
+            raise ParameterError("delay holds too many steps", where=f"{self.name}.delay_s", value=self.delay_s,
+                                 allowed=f"up to {DELAY_CAPACITY - 1} steps, substeps counted")  # fmt: skip
         return out
 
     @classmethod

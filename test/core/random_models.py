@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 @st.composite
 def elements(draw: st.DrawFn, *, least: int = 0, most: int = 12) -> tuple[Array, Array]:
-    """Gains [um/V] over four decades and saturations [V]; thresholds are drawn from few values, so they tie."""
+    """Gains [um/V] over three decades and saturations [V]; thresholds come from few values, so they tie."""
     n = draw(st.integers(least, most))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     kappa = 10.0 ** rng.uniform(-1.0, 2.0, n + 1)

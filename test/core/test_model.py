@@ -42,7 +42,9 @@ def test_batch_equals_stepwise_and_any_chunks(data, sets, order):
     steps_s = data.draw(steps(voltage_v.size))
     whole = model.simulate(steps_s, voltage_v)
     state = model.initial_state()
-    single = np.array([model.advance(state, u, dt) for u, dt in zip(voltage_v.tolist(), steps_s.tolist(), strict=True)])
+    single = np.array(
+        [model.advance(state, u, dt) for u, dt in zip(voltage_v.tolist(), steps_s.tolist(), strict=True)]
+    )
     assert relative(whole, single) <= 1e-12
     cut = data.draw(st.integers(1, voltage_v.size - 1))
     state = model.initial_state()
@@ -100,7 +102,9 @@ def test_creep_of_a_held_step_grows_with_the_power_of_time():
 @settings(deadline=None, max_examples=30)
 @given(elements(), ORDERS)
 def test_mapping_round_trip(sets, order):
-    model = PiezoModel(*sets, order).with_effects(AmplifierBandwidth(cutoff_hz=11.3), ThermalDrift(um_per_c=0.01))
+    model = PiezoModel(*sets, order).with_effects(
+        AmplifierBandwidth(cutoff_hz=11.3), ThermalDrift(um_per_c=0.01)
+    )
     text = yaml.safe_dump(model.to_mapping())
     back = PiezoModel.from_mapping(yaml.safe_load(text))
     assert np.array_equal(back.kappa_um_per_v, model.kappa_um_per_v)
@@ -167,7 +171,10 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
     done = subprocess.run([sys.executable, "-c", PLAIN], input=json.dumps(work), capture_output=True, text=True,
                           cwd=ROOT, timeout=300, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
-    plain = {key: np.array(value) if isinstance(value, list) else value for key, value in json.loads(done.stdout).items()}
+    plain = {
+        key: np.array(value) if isinstance(value, list) else value
+        for key, value in json.loads(done.stdout).items()
+    }
     x = model.simulate(dt, u)
     v = Compensator(model).run(dt, x)
     assert relative(plain["x"], x) <= 1e-12
@@ -178,7 +185,10 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
     state = ModelState.from_mapping(plain["state"])
     fresh = model.initial_state()
     model.simulate(dt, u, fresh)
-    assert relative(model.simulate(dt, u[::-1].copy(), state), model.simulate(dt, u[::-1].copy(), fresh)) <= 1e-12
+    assert (
+        relative(model.simulate(dt, u[::-1].copy(), state), model.simulate(dt, u[::-1].copy(), fresh))
+        <= 1e-12
+    )
 
 
 def test_import_compiles_nothing():
@@ -186,7 +196,9 @@ def test_import_compiles_nothing():
         "import fomrc_core.model, fomrc_core.inverse, fomrc_core.effects as e, numba.core.dispatcher as d, gc; e.effect_classes();"
         "print(sum(len(o.signatures) for o in gc.get_objects() if isinstance(o, d.Dispatcher)))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=120, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=120, check=True
+    )
     assert int(done.stdout) == 0
 
 
@@ -231,7 +243,10 @@ GOOD = {"kappa_um_per_v": [2.0, 1.0], "saturation_v": [0.1], "creep_order": 0.01
         ({**GOOD, "effects": ["amplifier_bandwidth"]}, "amplifier_bandwidth"),
         ({**GOOD, "effects": ["amplifier_bandwidth"], "amplifier_bandwidth": 3}, "model.amplifier_bandwidth"),
         ({**GOOD, "effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {}}, "cutoff_hz"),
-        ({**GOOD, "effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff_hz": -1.0}}, "cutoff_hz"),
+        (
+            {**GOOD, "effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff_hz": -1.0}},
+            "cutoff_hz",
+        ),
         ({**GOOD, "effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff": 1.0}}, "cutoff"),
         ({**GOOD, "effects": ["gain_drift", "gain_drift"], "gain_drift": {"per_s": 0.1}}, "gain_drift"),
     ],
