@@ -1,8 +1,8 @@
 """Measured examples: found on this machine, or fetched once from where their authors published them.
 
 They are looked for in the folder named by the environment variable ``FOMRC_DATA`` or, where that is not set,
-in ``../shared/data`` beside the project; then in the user's cache, to which they are fetched. Content is known
-by its SHA-256, so that a result quoted for a record is a result on that record.
+in ``../shared/data`` beside the project; then in the user's cache, to which they are fetched. Content is
+known by its SHA-256, so that a result quoted for a record is a result on that record.
 """
 
 from __future__ import annotations
@@ -216,7 +216,8 @@ def _fetched(file: MeasuredFile) -> Path:
         )
     except Exception as error:
         # No network shows as any of a dozen exceptions of the layers below; a wrong content as ValueError.
-        reason = (str(error).splitlines() or [""])[0][:160]
+        is_offline = "retries exceeded" in str(error) or "timed out" in str(error)
+        reason = "no connection" if is_offline else (str(error).splitlines() or [type(error).__name__])[0]
         raise DataUnavailableError(
             f"{file.name} is neither in {' or '.join(map(str, _data_folders()))}, "
             f"nor to be had from {file.url} ({reason})"
