@@ -287,7 +287,9 @@ class NodeParameters:
             spec = self.spec(parameter.name)
             if spec is not None and parameter.name not in self._specs:
                 self._specs[parameter.name] = spec
-                self._node.set_descriptor(parameter.name, spec.descriptor())
+                descriptor = spec.descriptor()
+                descriptor.type = parameter.type_.value
+                self._node.set_descriptor(parameter.name, descriptor)
         self._apply(self.settings)
 
     def _unknown(self, name: str) -> ParameterError:
