@@ -112,38 +112,47 @@ def source_digest() -> str:
     return digest.hexdigest()[:12]
 
 
-def diagnosis_outcome(diagnosis: Any, case: HiddenCase) -> dict[str, Any]:
-    """Return what a diagnosis says, and how far its parameters are from the truth, in plain types."""
-    findings = []
-    for found in diagnosis.findings:
-        parameters = _plain(dict(found.parameters))
-        entry = {
+def diagnosis_plain(diagnosis: Any) -> dict[str, Any]:
+    """Return what a diagnosis says in plain types."""
+    findings = [
+        {
             "cause": found.cause,
-            "parameters": parameters,
+            "parameters": _plain(dict(found.parameters)),
             "standard_errors": _plain(dict(found.standard_errors)),
             "gain": _plain(found.gain),
             "p_value": _plain(found.p_value),
             "nrmse_percent_before": _plain(found.nrmse_percent_test_before),
             "nrmse_percent_after": _plain(found.nrmse_percent_test_after),
         }
-        if found.cause in case.causes:
-            entry["parameter_error"] = parameter_error(
-                found.cause, case.parameters[found.cause], parameters, case
-            )
-        findings.append(entry)
+        for found in diagnosis.findings
+    ]
     baseline = diagnosis.baseline
     read = baseline.get if isinstance(baseline, Mapping) else lambda name: getattr(baseline, name)
-    last_percent = findings[-1]["nrmse_percent_after"] if findings else _plain(read("nrmse_percent_test"))
-    swing_um = float(np.ptp(case.report.measured_um))
+    before_percent = _plain(read("nrmse_percent_test"))
     return {
         "status": str(getattr(diagnosis.status, "value", diagnosis.status)),
         "findings": findings,
+        "nrmse_percent_test": before_percent,
+        "nrmse_percent_last": findings[-1]["nrmse_percent_after"] if findings else before_percent,
         "ambiguous_with": [str(c) for c in diagnosis.ambiguous_with],
         "noise_floor_um": _plain(diagnosis.noise_floor_um),
-        "held_out_over_noise": last_percent * swing_um / 100.0 / case.noise_um,
         "unexplained_percent": _plain(diagnosis.unexplained_percent),
         "next_experiment": str(diagnosis.next_experiment),
     }
+
+
+def diagnosis_outcome(diagnosis: Any, case: HiddenCase) -> dict[str, Any]:
+    """Return what a diagnosis says and how far it is from the truth, in plain types."""
+    outcome = diagnosis_plain(diagnosis)
+    for found in outcome["findings"]:
+        cause = found["cause"]
+        if cause in case.causes:
+            found["parameter_error"] = parameter_error(
+                cause, case.parameters[cause], found["parameters"], case
+            )
+    swing_um = float(np.ptp(case.report.measured_um))
+    outcome["held_out_over_noise"] = outcome["nrmse_percent_last"] * swing_um / 100.0 / case.noise_um
+    return outcome
 
 
 def truth_of(case: HiddenCase) -> dict[str, Any]:

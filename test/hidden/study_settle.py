@@ -96,10 +96,15 @@ def _case(settlement: Settlement) -> HiddenCase:
 def run(settlement: Settlement, folder: str) -> str:
     """Diagnose the poor record, run what was proposed, diagnose both together, and write what came of it."""
     outcome: dict[str, Any] = {
-        "spec": {"part": "settle", "causes": [settlement.cause], "pair": list(settlement.pair),
-                 "excitation": settlement.excitation, "seed": settlement.seed},
+        "spec": {
+            "part": "settle",
+            "causes": [settlement.cause],
+            "pair": list(settlement.pair),
+            "excitation": settlement.excitation,
+            "seed": settlement.seed,
+        },
         "source": source_digest(),
-    }  # fmt: skip
+    }
     try:
         from fomrc_core.diagnosis import diagnose
 

@@ -1,0 +1,56 @@
+"""An effect is hidden in the data; the diagnosis must find it. The fast part of `make study`.
+
+The causes and all that belongs to them are drawn from one seed, which is printed. FOMRC_HIDDEN_SEED=123
+chooses another, FOMRC_HIDDEN_SEED=random a new one each run.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import zlib
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+
+from test.hidden.effects import CAUSES
+from test.hidden.truth import draw_case
+
+_N_HIDDEN = 5
+
+
+def _seed() -> int:
+    wanted = os.environ.get("FOMRC_HIDDEN_SEED", "2013")
+    if wanted != "random":
+        return int(wanted)
+    # All workers of one run must collect the same tests.
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID")
+    return secrets.randbelow(10**6) if run is None else zlib.crc32(run.encode()) % 10**6
+
+
+SEED = _seed()
+_HIDDEN = np.random.default_rng(SEED).choice(CAUSES, _N_HIDDEN, replace=False).tolist()
+
+
+@pytest.mark.parametrize(("seed", "cause"), [(SEED + k, cause) for k, cause in enumerate(_HIDDEN)])
+def test_hidden_cause_is_named_first(seed: int, cause: str) -> None:
+    from fomrc_core.diagnosis import diagnose
+
+    print(f"FOMRC_HIDDEN_SEED={SEED}")
+    case = draw_case(seed, (cause,), excitation="short")
+    diagnosis = diagnose(case.recordings, test=case.test, report=case.report, model=case.model)
+    names = [found.cause for found in diagnosis.findings]
+    assert names[:1] == [cause], (
+        f"hidden {case.parameters}, visible {case.visible_rms_um} um, answered {names}"
+    )
+
+
+def test_nothing_is_named_where_nothing_is_hidden() -> None:
+    from fomrc_core.diagnosis import diagnose
+
+    print(f"FOMRC_HIDDEN_SEED={SEED}")
+    case = draw_case(SEED, (), excitation="short")
+    diagnosis = diagnose(case.recordings, test=case.test, report=case.report)
+    assert [found.cause for found in diagnosis.findings] == []
