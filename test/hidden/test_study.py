@@ -33,9 +33,14 @@ class _Found:
 
 def _outcome(case: HiddenCase, status: str, *found: _Found, part: str = "single") -> dict[str, Any]:
     diagnosis = SimpleNamespace(
-        status=status, findings=found, baseline={"nrmse_percent_test": 1.0}, ambiguous_with=(), noise_floor_um=1e-3,
-        unexplained_percent=0.0, next_experiment="steps",
-    )  # fmt: skip
+        status=status,
+        findings=found,
+        baseline={"nrmse_percent_test": 1.0},
+        ambiguous_with=(),
+        noise_floor_um=1e-3,
+        unexplained_percent=0.0,
+        next_experiment="steps",
+    )
     spec = {
         "part": part,
         "causes": list(case.causes),
