@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fomrc_core.errors import InputError
 from fomrc_core.recording import Recording
 
 Tell = Callable[[float, str], None]
@@ -74,13 +74,28 @@ class DiagnosisRequest:
     output_folder: str
 
 
+def columns_of(text: str) -> dict[str, int | None]:
+    """Return column numbers by quantity from e.g. ``time=none,voltage=0,displacement=4``.
+
+    Raises:
+        InputError: an entry that is not ``quantity=number`` or ``quantity=none``.
+    """
+    columns: dict[str, int | None] = {}
+    for entry in text.split(","):
+        quantity, _, number = (part.strip() for part in entry.partition("="))
+        if not quantity or not (number == "none" or number.isdigit()):
+            raise InputError("not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0")
+        columns[quantity] = None if number == "none" else int(number)
+    return columns
+
+
 def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None]:
     """Return the recordings, and the one to test on where there is one."""
     from fomrc_core.storage import read_recording
 
     options: dict[str, Any] = {}
     if files.columns:
-        options["columns"] = files.columns
+        options["columns"] = columns_of(files.columns)
     if files.rate_hz > 0.0:
         options["rate_hz"] = files.rate_hz
     recordings = [read_recording(Path(path), **options) for path in files.paths]
@@ -125,8 +140,3 @@ def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
     report.write_diagnosis(found, Path(request.output_folder))
     causes = ", ".join(str(finding.effect_name) for finding in found.findings)
     return causes or "nothing beside hysteresis and creep"
-
-
-def scratch_file(name: str) -> str:
-    """Return a path for a file that nobody else uses."""
-    return str(Path(tempfile.mkdtemp(prefix="fomrc_")) / name)

@@ -73,7 +73,7 @@ class NodeUnderTest:
                 str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
             )
             command += ["-p", f"{name}:={shown}"]
-        environment = dict(os.environ, PYTHONPATH=str(REPOSITORY), PYTHONWARNINGS="default")
+        environment = dict(os.environ, PYTHONPATH=str(REPOSITORY))
         with self._output.open("wb") as output:
             self.process = subprocess.Popen(
                 command, cwd=folder, env=environment, stdout=output, stderr=output, start_new_session=True

@@ -1,0 +1,72 @@
+"""The memory survives kill -9; a damaged one is refused."""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+
+import pytest
+from harness import model_file
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, probe, start, seed):
+    """Two compensators follow the same target; one of them is killed and comes back."""
+    generator = random.Random(seed)
+    file = model_file(tmp_path / "model.yaml", stop_policy="hold")
+    options = {"rate_hz": 500.0, "checkpoint_period_s": 0.2}
+    start("compensator", file, namespace="/steady", **options)
+    killed = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
+    heard = {axis: probe.record(f"{axis}/voltage") for axis in ("/steady", "/killed")}
+    publishers = [probe.publisher(f"{axis}/desired_position") for axis in ("/steady", "/killed")]
+    probe.drive(Both(publishers), lambda t: 1e-6 * math.sin(3.0 * t), 1.0 + generator.random())
+    held = 0.5e-6 * generator.random()
+    probe.drive(Both(publishers), lambda t: held, 0.1 + 0.4 * generator.random())
+    killed.process.kill()
+    killed.process.wait()
+    probe.spin_for(0.1)
+    heard["/killed"].clear()
+    start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
+    probe.until(lambda: len(heard["/killed"]) > 200, "voltage of the restarted one, without a new target")
+    for when, message in heard["/killed"][:200]:
+        nearest = min(heard["/steady"], key=lambda entry: abs(entry[0] - when))
+        assert abs(message.data - nearest[1].data) < 1e-3
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+class Both:
+    """One signal to several publishers."""
+
+    def __init__(self, publishers) -> None:
+        self._publishers = publishers
+        self.msg_type = publishers[0].msg_type
+
+    def publish(self, message) -> None:
+        for publisher in self._publishers:
+            publisher.publish(message)
+
+
+@pytest.mark.parametrize("damage", ["snapshot", "journal"])
+def test_damaged_memory_is_refused_and_relaxation_proposed(tmp_path, probe, start, damage):
+    file = model_file(tmp_path / "model.yaml", stop_policy="hold")
+    checkpoint = tmp_path / "memory"
+    options = {"rate_hz": 500.0, "checkpoint_file": checkpoint, "checkpoint_period_s": 3600.0}
+    node = start("compensator", file, **options)
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    node.process.kill()
+    node.process.wait()
+    target = checkpoint if damage == "snapshot" else next(tmp_path.glob("memory.journal.*"))
+    content = bytearray(target.read_bytes())
+    content[len(content) // 3] ^= 0xFF
+    target.write_bytes(content)
+    node = start("compensator", file, **options)
+    probe.until(lambda: "checkpoint refused" in node.output(), "refusal in the log")
+    probe.until(lambda: "~/relax" in probe.messages.get(node.name, ""), "relaxation proposed")
+    assert "damaged" in node.output()
+    assert (tmp_path / "memory.damaged").exists()
+    heard = probe.record("voltage")
+    time_before = time.monotonic()
+    probe.drive(publisher, lambda t: 1e-6, 0.3)
+    assert heard, time_before

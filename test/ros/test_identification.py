@@ -1,0 +1,87 @@
+"""Recordings to a model, in a process of its own, while the node goes on."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import MODEL
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from fomrc_core import excitation
+from fomrc_core.model import PiezoModel
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A record of the actuator of ``MODEL``, with 1 nm noise."""
+    drive = np.concatenate((
+        excitation.triangle(1.5, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0).voltage_v,
+        excitation.staircase(1.5, step_v=0.3, dwell_s=0.5, rate_hz=200.0).voltage_v,
+    ))  # fmt: skip
+    moved = PiezoModel.from_mapping(MODEL).simulate(np.full(drive.size, 0.005), drive)
+    moved += 1e-3 * np.random.default_rng(3).standard_normal(moved.size)
+    rows = np.column_stack((0.005 * np.arange(drive.size), drive, moved))
+    path = tmp_path / "record.csv"
+    np.savetxt(path, rows, delimiter=",", header="time_s,voltage_v,displacement_um", comments="")
+    return path
+
+
+def test_identify(tmp_path, probe, start, recording):
+    node = start("identification", output_file="found.yaml", n_elements=5)
+    assert probe.set_one(node.name, "recordings", [str(recording)]).successful
+    answer = probe.trigger(f"{node.name}/identify")
+    assert answer.success, answer.message
+    found = yaml.safe_load((tmp_path / "found.yaml").read_text())["/**"]["ros__parameters"]["model"]
+    assert abs(found["creep_order"] - MODEL["creep_order"]) < 0.1 * MODEL["creep_order"]
+    # Whoever comes later sees the model too.
+    seen: list = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.node.create_subscription(String, f"{node.name}/model", seen.append, latched)
+    probe.until(lambda: seen, "the model")
+    assert yaml.safe_load(seen[0].data)["/**"]["ros__parameters"]["model"] == found
+
+    refused = (
+        ("recordings", ["missing.csv"], "missing.csv"), ("recordings", ["/etc/passwd"], "allowed"),
+        ("recordings", ["found.yaml"], "found.yaml"), ("recordings", [""], "recordings"),
+    )  # fmt: skip
+    for name, value, named in refused:
+        assert probe.set_one(node.name, name, value).successful
+        answer = probe.trigger(f"{node.name}/identify")
+        assert not answer.success, value
+        assert named in answer.message, answer.message
+    assert yaml.safe_load((tmp_path / "found.yaml").read_text())["/**"]["ros__parameters"]["model"] == found
+    assert not probe.set_one(node.name, "n_elements", -1).successful
+    assert probe.set_one(node.name, "output_file", "/nowhere/model.yaml").successful
+    assert probe.set_one(node.name, "recordings", [str(recording)]).successful
+    assert "allowed" in probe.trigger(f"{node.name}/identify").message
+    probe.until(lambda: probe.levels.get(node.name) == DiagnosticStatus.WARN, "the failure in diagnostics")
+
+
+def test_the_node_goes_on_while_it_fits_and_can_be_told_to_stop(tmp_path, probe, start, recording):
+    node = start("identification", n_elements=0)
+    probe.set_one(node.name, "recordings", [str(recording)] * 3)
+    client = probe.node.create_client(Trigger, f"{node.name}/identify")
+    probe.until(client.service_is_ready, "service")
+    future = client.call_async(Trigger.Request())
+    probe.until(lambda: "progress_percent" in probe.diagnostics.get(node.name, {}), "progress")
+    assert not future.done()
+    began = time.monotonic()
+    assert probe.get(node.name, "method") == "convex"
+    assert time.monotonic() - began < 1.0
+    assert "busy" in probe.trigger(f"{node.name}/identify").message
+    assert probe.trigger(f"{node.name}/cancel").success
+    probe.until(future.done, "the end of the fit")
+    assert not future.result().success
+    assert "cancelled" in future.result().message
+    assert not probe.trigger(f"{node.name}/cancel").success
+    # Ended in the middle of a fit it leaves nothing behind and says nothing.
+    future = client.call_async(Trigger.Request())
+    probe.until(lambda: probe.diagnostics[node.name].get("activity") == "identify", "a second fit")
+    assert node.stop() == 0
+    assert "Traceback" not in node.output()
