@@ -66,16 +66,18 @@ def write_bytes(content: bytes, path: str | os.PathLike[str]) -> None:
     Raises:
         StorageError: the folder is missing or cannot be written.
     """
-    # A link keeps pointing where it did: what it points to is replaced, not the link.
-    target = Path(os.path.realpath(path))
     where = os.fspath(path)
+    # A link keeps pointing where it did: what it points to is replaced, not the link. A pipe or /dev/stdout
+    # cannot be replaced, and its real path is no path.
+    is_special = os.path.exists(where) and not os.path.isfile(where) and not os.path.isdir(where)
+    target = Path(where) if is_special else Path(os.path.realpath(where))
     if target.is_dir():
         raise StorageError("is a folder", where=where, allowed="a file name")
     if not target.parent.is_dir():
         raise StorageError("no such folder", where=str(target.parent), allowed="an existing folder")
     try:
-        if target.exists() and not target.is_file():
-            target.write_bytes(content)  # a pipe or /dev/stdout cannot be replaced
+        if is_special:
+            target.write_bytes(content)
             return
         temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
         try:

@@ -1,0 +1,82 @@
+"""The command line as a whole: its commands, and how errors leave it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from fomrc_core.cli.example_commands import compare, data, demo, reproduce
+from fomrc_core.cli.excite_commands import excite
+from fomrc_core.cli.fit_commands import diagnose, identify
+from fomrc_core.cli.model_commands import compensate, simulate
+from fomrc_core.errors import FomrcError
+
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+
+application = typer.Typer(
+    name="fomrc",
+    help="Hysteresis and creep of piezo actuators: simulate, invert, fit, and find what a model misses.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+application.command()(simulate)
+application.command()(compensate)
+application.command()(identify)
+application.command()(diagnose)
+application.add_typer(excite, name="excite")
+application.command()(compare)
+application.command()(reproduce)
+application.command()(data)
+application.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(demo)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 2 bad input told in one line, 130 interrupted."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status."""
+    try:
+        status = application(args=list(arguments), prog_name="fomrc", standalone_mode=False)
+    except FomrcError as error:
+        return _refuse(str(error))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever reads the output has closed it, e.g. head; Python would complain once more at exit.
+        sys.stdout = None  # type: ignore[assignment]
+        return DONE
+    except Exception as error:
+        # Wrong usage. The class is click's or, in newer releases, a copy of it inside of typer.
+        if type(error).__name__ == "Abort":
+            return INTERRUPTED
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message())  # type: ignore[attr-defined]
+            return BAD_INPUT
+        if not hasattr(error, "format_message"):
+            raise
+        return _refuse(_usage_error(error, arguments))
+    return status if isinstance(status, int) else DONE
+
+
+def _usage_error(error: Any, arguments: Sequence[str]) -> str:
+    """Return what is wrong with the arguments, with the value that is wrong where the error leaves it out."""
+    message = error.format_message().rstrip(".")
+    names = getattr(getattr(error, "param", None), "opts", ())
+    for argument, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        name, equals, value = argument.partition("=")
+        value = value if equals else following
+        if name in names and message.startswith("Invalid") and repr(value) not in message:
+            message += f", got {value!r}"
+    return f"{message} (allowed: see --help)"
+
+
+def _refuse(message: str) -> int:
+    print("fomrc: " + " ".join(message.split()), file=sys.stderr)
+    return BAD_INPUT

@@ -1,0 +1,154 @@
+"""``fomrc identify`` and ``fomrc diagnose``: a model from data, and what it misses."""
+
+from __future__ import annotations
+
+import json
+import math
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fomrc_core.cli.options import (
+    Columns,
+    OutputDirectory,
+    Rate,
+    Recordings,
+    Topics,
+    make_directory,
+    progress_shown,
+    read,
+    say,
+)
+from fomrc_core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from fomrc_core.identification import Fit
+
+HeldOut = Annotated[
+    Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")
+]
+
+
+class Method(str, Enum):
+    """How a model is fitted."""
+
+    CONVEX = "convex"
+    PAPER = "paper"
+
+
+def identify(
+    recordings: Recordings,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="M.yaml", help="Model file to write.")],
+    test: HeldOut = None,
+    elements: Annotated[str, typer.Option(metavar="N|auto", help="Number of elements that saturate.")] = "10",
+    method: Annotated[
+        Method, typer.Option(help="convex: no start values; paper: the route of section 3.")
+    ] = (Method.CONVEX),
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="F", help="Also write the result as JSON.")
+    ] = (None),
+    columns: Columns = None,
+    rate: Rate = None,
+    topics: Topics = None,
+) -> None:
+    """Identify a model from recordings of voltage and displacement.
+
+    Writes a model file, which is a ROS parameter file as well. How good the fit is stands on standard output.
+    """
+    from fomrc_core.identification import identify as fit_to
+    from fomrc_core.storage import write_model, write_text
+
+    n_elements = _element_count(elements)
+    records = [read(path, columns, rate, topics) for path in recordings]
+    held_out = read(test, columns, rate, topics) if test else None
+    with progress_shown("identify") as progress:
+        fit = fit_to(records, n_elements=n_elements, method=method.value, test=held_out, progress=progress)
+    write_model(fit.model, output)
+    if json_file:
+        results = fit_results(fit, [record.name for record in records], method.value)
+        write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", json_file)
+    print(f"{fit.outcome.value}: {fit.reason}")
+    print(f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
+          f"{fit.model.n_elements} elements")  # fmt: skip
+    print(
+        f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)"
+    )
+    if held_out is not None:
+        print(f"NRMSE {fit.test_nrmse_percent:.4g} % held out ({held_out.name})")
+    for record, start in zip(records, fit.starts, strict=True):
+        say(f"{record.name}: taken to begin {start}")
+
+
+def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any]:
+    """Return a fit as plain numbers and lists, None where there is no number."""
+    return {
+        "records": record_names,
+        "method": method,
+        "outcome": fit.outcome.value,
+        "reason": fit.reason,
+        "rms_um": _number(fit.rms_um),
+        "nrmse_percent": _number(fit.nrmse_percent),
+        "noise_um": _number(fit.noise_um),
+        "test_nrmse_percent": _number(fit.test_nrmse_percent),
+        "offsets_um": [_number(offset) for offset in fit.offsets_um],
+        "starts": list(fit.starts),
+        "creep_order": fit.model.creep_order,
+        "creep_order_standard_error": _number(fit.creep_order_standard_error),
+        "relative_standard_errors": [_number(error) for error in fit.relative_standard_errors],
+        "undetermined_elements": list(fit.undetermined_elements),
+        "model": fit.model.to_mapping(),
+    }
+
+
+def diagnose(
+    recordings: Recordings,
+    output: OutputDirectory,
+    test: HeldOut = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="R.csv", help="Third recording, on which before and after are quoted."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", "-m", metavar="M.yaml", help="Base model; fitted where not given."),
+    ] = None,
+    columns: Columns = None,
+    rate: Rate = None,
+    topics: Topics = None,
+) -> None:
+    """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
+
+    Writes diagnosis.json, extended_model.yaml and report.html into the folder.
+    """
+    from fomrc_core.diagnosis import diagnose as find_causes
+    from fomrc_core.report import write_report
+    from fomrc_core.storage import read_model
+
+    base = read_model(model) if model else None
+    records = [read(path, columns, rate, topics) for path in recordings]
+    held_out = read(test, columns, rate, topics) if test else None
+    third = read(report, columns, rate, topics) if report else None
+    folder = make_directory(output)
+    with progress_shown("diagnose") as progress:
+        diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress)
+        progress(1.0, "report")
+        write_report(diagnosis, folder)
+    print(diagnosis.summary())
+    say(f"{folder / 'report.html'}")
+
+
+def _element_count(text: str) -> int | str:
+    if text == "auto":
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise ParameterError(
+            "no number", where="--elements", value=text, allowed="1 to 60, or auto"
+        ) from None
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,114 @@
+"""Options several commands share, and how they talk while they work."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fomrc_core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from fomrc_core.recording import Recording
+
+Progress = Callable[[float, str], None]
+
+_COLUMNS_HELP = "Which column (from 0) is what, in a file without header: time=none,voltage=0,displacement=4."
+_RATE_HELP = "Sample rate [Hz] of a file without time."
+_TOPICS_HELP = "Which topic is what, in a rosbag2 folder: voltage=/x/voltage,displacement=/x/displacement."
+
+Columns = Annotated[str | None, typer.Option("--columns", help=_COLUMNS_HELP)]
+Rate = Annotated[float | None, typer.Option("--rate", help=_RATE_HELP)]
+Topics = Annotated[str | None, typer.Option("--topics", help=_TOPICS_HELP)]
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(metavar="REC...", help="CSV (.gz), column file or rosbag2 folder; one or more."),
+]
+OutputDirectory = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")
+]
+
+
+def say(text: str) -> None:
+    """Tell the user something beside the results: standard output stays free for those."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def make_directory(path: Path) -> Path:
+    """Make a folder for results; raises ParameterError where that is not possible."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ParameterError(f"folder cannot be made ({reason})", where="--output", value=str(path)) from None
+    return path
+
+
+def read(path: Path, columns: str | None, rate_hz: float | None, topics: str | None) -> Recording:
+    """Read a recording as the options say."""
+    from fomrc_core.storage import read_recording
+
+    return read_recording(
+        path,
+        columns=column_numbers(columns),
+        rate_hz=rate_hz,
+        topics=pairs(topics, "--topics") if topics else None,
+    )
+
+
+def column_numbers(text: str | None) -> dict[str, int | None] | None:
+    """Return ``{"time": None, "voltage": 0}`` for ``time=none,voltage=0``; None for None."""
+    if text is None:
+        return None
+    numbers: dict[str, int | None] = {}
+    for quantity, column in pairs(text, "--columns").items():
+        if column.lower() == "none":
+            numbers[quantity] = None
+        elif column.isascii() and column.isdigit():
+            numbers[quantity] = int(column)
+        else:
+            raise ParameterError("no column number", where=f"--columns {quantity}", value=column,
+                                 allowed="0, 1, 2, ... or none")  # fmt: skip
+    return numbers
+
+
+def pairs(text: str, option: str) -> dict[str, str]:
+    """Return ``{"a": "1", "b": "2"}`` for ``a=1,b=2``."""
+    found: dict[str, str] = {}
+    for part in text.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (name and equals and value) or name in found:
+            raise ParameterError(
+                "not understood", where=option, value=text, allowed="quantity=value,... each once"
+            )
+        found[name] = value
+    return found
+
+
+@contextmanager
+def progress_shown(title: str) -> Iterator[Progress]:
+    """Show how far a long work has come: a bar on a terminal, a line per stage elsewhere."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        last = ""
+
+        def tell(share: float, text: str) -> None:
+            nonlocal last
+            if text != last:
+                say(f"{title}: {100.0 * min(max(share, 0.0), 1.0):3.0f} % {text}")
+            last = text
+
+        yield tell
+        return
+    shown = (TextColumn("{task.fields[title]}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Bars(*shown, TextColumn("{task.description}"), console=console, transient=True) as bars:
+        task = bars.add_task("", total=1.0, title=title)
+        yield lambda share, text: bars.update(task, completed=share, description=text)
