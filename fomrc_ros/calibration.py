@@ -28,6 +28,8 @@ from fomrc_ros.worker_process import Progress
 _ANSWER_TIMEOUT_S = 10.0
 _WATCH_PERIOD_S = 0.1
 _N_PARTS = 7
+# Real time without a tick of the node's clock, after which a simulated clock counts as dead.
+_STANDSTILL_S = 5.0
 
 
 class Calibration:
@@ -57,7 +59,7 @@ class Calibration:
         )
         self._assume_relaxed = node.create_client(Trigger, f"{name}/assume_relaxed")
         self._waiting: list[tuple[Future, Future, int]] = []
-        self._n_looks = 0
+        self._n_looks = self._moved_at = self._n_done_before = 0
         node.create_timer(_WATCH_PERIOD_S, self._watch, clock=steady_clock())
 
     @property
@@ -194,7 +196,7 @@ class Calibration:
         request = SetParametersAtomically.Request()
         for name, value in values.items():
             spec = effect_spec(name)
-            kind = kinds[name] if name in kinds else (spec.kind if spec else None)
+            kind = kinds.get(name, spec.kind if spec else None)
             request.parameters.append(Parameter(name, kind, value).to_parameter_msg())
         response = await self._ask(self._set_parameters, request)
         if not response.result.successful:
@@ -230,6 +232,13 @@ class Calibration:
             if answer.done() or self._n_looks >= due:
                 self._waiting.remove(entry)
                 finished.set_result(answer.result() if answer.done() else None)
+        if self._drive.is_driving:
+            if self._drive.n_done != self._n_done_before:
+                self._n_done_before, self._moved_at = self._drive.n_done, self._n_looks
+            elif self._n_looks - self._moved_at > _STANDSTILL_S / _WATCH_PERIOD_S:
+                self._drive.stop(f"the clock stood still for {_STANDSTILL_S:g} s")
+        else:
+            self._moved_at = self._n_looks
 
     def _go_on(self) -> None:
         if self._reason:

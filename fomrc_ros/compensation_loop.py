@@ -126,6 +126,8 @@ class CompensationLoop:
 
     def set_relaxed(self) -> None:
         """Take the actuator as relaxed, as it is after the relaxation routine."""
+        # A model still catching up has nothing to catch up with any more.
+        self.compensator = self.newest_compensator
         self._begin(ActuatorMemory.relaxed(self.compensator))
         self.age_s = 0.0
 

@@ -33,6 +33,7 @@ def describe(node: CompensatorNode) -> Report:
             "late_ticks_total": node.timing.n_late_total,
             "largest_gap_ms": 1e3 * timing.latest_s,
             "tick_to_publish_mean_us": 1e6 * timing.busy_mean_s,
+            "tick_to_publish_p99_us": 1e6 * timing.busy_p99_s,
             "tick_to_publish_max_us": 1e6 * timing.busy_max_s,
             "voltage_v": loop.voltage_v,
             "target_um": "none" if loop.target_um is None else loop.target_um,

@@ -1,9 +1,12 @@
-"""How well a timed loop keeps time, counted without allocating."""
+"""How well a timed loop keeps time."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+
+# Ticks between two reports of which the time spent is kept.
+_MOST_KEPT = 10_000
 
 
 @dataclass(frozen=True)
@@ -14,14 +17,16 @@ class TimingReport:
         rate_hz: ticks per second [Hz], real time.
         n_late: ticks that came more than half a period late.
         latest_s: largest gap between two ticks [s].
-        busy_mean_s: mean time spent in a tick, to after the publish [s].
-        busy_max_s: longest time spent in a tick [s].
+        busy_mean_s: mean time from a tick to after its publish [s].
+        busy_p99_s: 99th percentile of it [s].
+        busy_max_s: longest of it [s].
     """
 
     rate_hz: float
     n_late: int
     latest_s: float
     busy_mean_s: float
+    busy_p99_s: float
     busy_max_s: float
 
 
@@ -36,7 +41,8 @@ class LoopTiming:
 
     def _clear(self) -> None:
         self._n_ticks, self._n_late = 0, 0
-        self._gap_max = self._busy_total = self._busy_max = 0.0
+        self._gap_max = 0.0
+        self._busy: list[float] = []
 
     def begin(self) -> float:
         """Note that a tick begins; return the time it does [s]."""
@@ -53,21 +59,20 @@ class LoopTiming:
 
     def end(self, began: float) -> None:
         """Note that the tick that began then has published."""
-        busy = time.perf_counter() - began
-        self._busy_total += busy
-        if busy > self._busy_max:
-            self._busy_max = busy
+        if len(self._busy) < _MOST_KEPT:
+            self._busy.append(time.perf_counter() - began)
 
     def report(self) -> TimingReport:
         """Return what happened since the last report, and start anew."""
         now = time.perf_counter()
-        n = self._n_ticks
+        busy = sorted(self._busy) or [0.0]
         report = TimingReport(
-            n / max(now - self._since, 1e-9),
+            self._n_ticks / max(now - self._since, 1e-9),
             self._n_late,
             self._gap_max,
-            self._busy_total / n if n else 0.0,
-            self._busy_max,
+            sum(busy) / len(busy),
+            busy[int(0.99 * (len(busy) - 1))],
+            busy[-1],
         )
         self._since = now
         self._clear()

@@ -102,7 +102,7 @@ def _do(sender: Connection, work: Work, request: Any) -> None:
     except BrokenPipeError:
         return  # whoever asked is gone
     except Exception as error:
-        outcome = Outcome(reason=f"{type(error).__name__}: {error}")
+        outcome = Outcome(reason=" ".join(f"{type(error).__name__}: {error}".split())[:300])
     with contextlib.suppress(OSError):
         sender.send(outcome)
         sender.close()

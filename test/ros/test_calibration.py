@@ -1,0 +1,106 @@
+"""Live calibration: from a stage nobody knows to one that follows, and back to the old model where it fails."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import yaml
+from harness import MODEL, model_file
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+COMMON = {"calibrate_step_v": 0.5, "safe_ramp_v_per_s": 20.0, "slew_limit_v_per_s": 2000.0}
+CAREFUL = COMMON | {
+    "relax_duration_s": 2.0, "relax_frequency_hz": 25.0, "calibrate_slope_v_per_s": 6.0, "calibrate_dwell_s": 0.15,
+}  # fmt: skip
+HASTY = COMMON | {
+    "relax_duration_s": 0.5, "relax_frequency_hz": 40.0, "calibrate_slope_v_per_s": 20.0, "calibrate_dwell_s": 0.03,
+}  # fmt: skip
+
+
+def nodes(tmp_path, start, **options):
+    file = model_file(tmp_path / "wrong.yaml", **options)
+    return (
+        start("compensator", file, rate_hz=500.0),
+        start("simulated_pea", file, plant="electromechanical", rate_hz=500.0),
+        start("identification", file, rate_hz=500.0),
+    )
+
+
+def test_calibrated_stage_follows(tmp_path, probe, start):
+    compensator, _, identification = nodes(tmp_path, start, **CAREFUL)
+    heard, moved = probe.record("voltage"), probe.record("displacement")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
+    answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
+    assert answer.success, answer.message
+    assert probe.state(compensator.name) == "active"
+    model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
+    assert probe.get(compensator.name, "model.saturation_v") == model["saturation_v"] != MODEL["saturation_v"]
+    voltages = np.array([message.data for _, message in heard])
+    assert np.max(np.abs(voltages)) <= 2.5
+
+    probe.drive(publisher, lambda t: 0.0, 0.3)
+    moved.clear()
+    swing = lambda t: 1e-6 * (1.5 * math.sin(1.3 * t) + 0.5 * math.sin(3.1 * t))  # noqa: E731
+    sent = np.array(probe.drive(publisher, swing, 5.0, rate_hz=500.0))
+    times = np.array([t for t, _ in moved])
+    values = np.array([message.data for _, message in moved])
+    inside = (times > sent[0, 0]) & (times < sent[-1, 0])
+    wanted = np.interp(times[inside], sent[:, 0], sent[:, 1])
+    error = values[inside] - wanted
+    nrmse_percent = 100.0 * np.sqrt(np.mean(error**2)) / np.ptp(values[inside])
+    print(f"calibrated through topics: {answer.message}; tracking NRMSE {nrmse_percent:.3f} %")
+    assert nrmse_percent <= 0.36
+
+
+def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, probe, start):
+    compensator, stage, identification = nodes(tmp_path, start, **HASTY, displacement_timeout_s=0.5)
+    heard, moved = probe.record("voltage"), probe.record("displacement")
+    publisher = probe.publisher("desired_position")
+    client = probe.node.create_client(Trigger, f"{identification.name}/calibrate")
+    probe.until(lambda: client.service_is_ready() and moved, "nodes")
+    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
+
+    def check(future, named: str) -> None:
+        probe.until(future.done, f"end of calibration: {named}", 60.0)
+        assert not future.result().success, named
+        assert named in future.result().message, future.result().message
+        assert probe.state(compensator.name) == "active", named
+        assert probe.get(compensator.name, "model.saturation_v") == MODEL["saturation_v"], named
+        assert abs(heard[-1][1].data) < 1.0, named
+        heard.clear()
+        probe.drive(publisher, lambda t: 0.2e-6, 0.3)
+        assert len(heard) > 20, named
+
+    def doing(text: str) -> bool:
+        return text in probe.diagnostics.get(identification.name, {}).get("doing", "")
+
+    for stage_of_work in ("relaxing", "driving", "fitting"):
+        if stage_of_work == "fitting":  # long enough to be cancelled in
+            assert probe.set_one(identification.name, "n_elements", 0).successful
+        future = client.call_async(Trigger.Request())
+        probe.until(lambda s=stage_of_work: doing(s) or future.done(), stage_of_work, 60.0)
+        assert not future.done(), future.result()
+        assert probe.trigger(f"{identification.name}/cancel").success
+        check(future, "cancelled")
+        probe.diagnostics.clear()
+    assert probe.set_one(identification.name, "n_elements", 5).successful
+    # The file cannot be written.
+    assert probe.set_one(identification.name, "output_file", "no_such_folder/model.yaml").successful
+    check(client.call_async(Trigger.Request()), "no_such_folder")
+    assert probe.set_one(identification.name, "output_file", "model.yaml").successful
+    # The stage dies in the middle.
+    future = client.call_async(Trigger.Request())
+    probe.diagnostics.clear()
+    probe.until(lambda: doing("driving"), "driving", 60.0)
+    stage.process.kill()
+    check(future, "no displacement")
+    # The compensator dies: nothing to bring back, and the node says so.
+    compensator.process.kill()
+    compensator.process.wait()
+    future = client.call_async(Trigger.Request())
+    probe.until(future.done, "refusal", 60.0)
+    assert not future.result().success
+    assert isinstance(heard[-1][1], Float64)
