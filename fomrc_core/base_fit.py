@@ -36,7 +36,7 @@ class Tangent:
 
     def solve(self, records: tuple[PreparedRecord, ...], signals: tuple[Array, ...]) -> Array:
         """Return the change of weights and creep order that fits the signals best, shape (n_columns + 1,)."""
-        moment = sum(c[r.is_used].T @ s[r.is_used] for c, r, s in zip(self.columns, records, signals, strict=True))
+        moment = sum(product(c, s, r.is_used) for c, r, s in zip(self.columns, records, signals, strict=True))
         return np.asarray(self.whitening @ (self.whitening.T @ moment))
 
     def remove(self, records: tuple[PreparedRecord, ...], signals: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -55,6 +55,13 @@ def threshold_grid(records: tuple[PreparedRecord, ...], n_thresholds: int) -> Ar
     # A play moves on a first rise up to the reach; once the drive has turned, up to half the span.
     top = max(reach, 0.5 * span)
     return np.asarray(top * (np.arange(n_thresholds + 1) / n_thresholds) ** 1.6)[:-1]
+
+
+def product(columns: Array, signals: Array, is_used: NDArray[np.bool_]) -> Array:
+    """Return columns^T signals over the used samples."""
+    # zeroing the one signal costs nothing beside copying the used rows of all columns
+    masked = signals if np.all(is_used) else np.where(is_used if signals.ndim == 1 else is_used[:, None], signals, 0.0)
+    return np.asarray(columns.T @ masked)
 
 
 def centred(values: Array, is_used: NDArray[np.bool_]) -> Array:
@@ -135,7 +142,9 @@ def tangent(chain: Chain, records: tuple[PreparedRecord, ...]) -> Tangent:
 
 def whitening_of(gram: Array) -> Array:
     """Return W with W W^T the pseudo-inverse of the Gram matrix, directions below rounding left out."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    power = np.diag(gram)
+    # a column that does not move (a knee the drive never reaches) takes no part
+    scale = np.where(power > 1e-20 * np.max(power), 1.0 / np.sqrt(np.maximum(power, 1e-300)), 0.0)
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale[None, :])
     kept = values > _RANK_TOLERANCE * values[-1]
     return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))

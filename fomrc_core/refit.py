@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.base_fit import Tangent, centred, moved, residuals, squared_error, tangent
+from fomrc_core.base_fit import Tangent, centred, moved, product, residuals, squared_error, tangent
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.effects import Effect, Parameter
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
 
-_CONVERGED = 1e-5
+_CONVERGED = 3e-5
 _LARGEST_DAMPING = 1e6
 
 
@@ -166,16 +166,13 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
     damping, is_converged = 1e-3, False
     projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
     for _ in range(n_iterations):
-        base = tuple(predict(chain, r, i) for i, r in enumerate(records))
+        # the offset is taken out of every direction, so the residual stands for the prediction
+        base = tuple(r.measured_um - v for r, v in zip(records, left, strict=True))
         raw = _directions(chain, free, coordinates, records, base)
-        projected = tuple(
-            np.column_stack([c]) if not free else c for c in _removed(space, records, raw)
-        )
+        projected = _removed(space, records, raw)
         clear = space.remove(records, left)
-        hessian = sum(d[r.is_used].T @ d[r.is_used] for d, r in zip(projected, records, strict=True))
-        gradient = sum(
-            d[r.is_used].T @ s[r.is_used] for d, r, s in zip(projected, records, clear, strict=True)
-        )
+        hessian = sum(product(d, d, r.is_used) for d, r in zip(projected, records, strict=True))
+        gradient = sum(product(d, s, r.is_used) for d, r, s in zip(projected, records, clear, strict=True))
         is_better = False
         while damping < _LARGEST_DAMPING:
             step = _damped_step(np.asarray(hessian), np.asarray(gradient), damping) if free else np.zeros(0)
@@ -207,7 +204,7 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
 
 
 def _removed(space: Tangent, records: tuple[PreparedRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:
-    moment = sum(c[r.is_used].T @ s[r.is_used] for c, r, s in zip(space.columns, records, raw, strict=True))
+    moment = sum(product(c, s, r.is_used) for c, r, s in zip(space.columns, records, raw, strict=True))
     coefficients = space.whitening @ (space.whitening.T @ moment)
     return tuple(s - c @ coefficients for s, c in zip(raw, space.columns, strict=True))
 
@@ -218,3 +215,29 @@ def _damped_step(hessian: Array, gradient: Array, damping: float) -> Array:
     step = np.linalg.lstsq(scaled, gradient / scale, rcond=1e-12)[0] / scale
     # a coordinate that does not act has no scale of its own
     return np.asarray(np.where(np.diag(hessian) > 1e-20, step, 0.0))
+
+
+def scan(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, parameter: FreeParameter,
+         widths: tuple[float, ...] = (4e-4, 4e-5, 4e-6), n_points: int = 25) -> Chain:  # fmt: skip
+    """Return the chain with one parameter at the best of ever finer grids about its value.
+
+    For responses that jump with the parameter, where a derivative says nothing.
+
+    Args:
+        chain: where to start.
+        records: what to fit.
+        space: tangent of the linear part.
+        parameter: what to scan.
+        widths: half widths of the grids relative to the value.
+        n_points: points of each grid.
+    """
+    best_error = np.inf
+    for width in widths:
+        centre = parameter.get(chain)
+        for share in np.linspace(-width, width, n_points):
+            value = centre * (1.0 + float(share))
+            trial = chain.with_effect(replace(parameter.effect(chain), **{parameter.spec.name: value}), parameter.index)
+            error = squared_error(records, space.remove(records, residuals(trial, records)))
+            if error < best_error:
+                best_error, chain = error, trial
+    return chain

@@ -16,13 +16,13 @@ from fomrc_core.effects.kernels import DELAY_CAPACITY, delay_state
 class ClockSkew(Effect):
     """The sensor's sample at nominal time t was taken at t (1 + ppm 1e-6) of the drive's clock.
 
-    In a batch the drive is read at the sensor's true times, linear between samples. Stepwise the future of the
-    drive is not known: a positive skew then continues the last slope of the drive.
+    In a batch the displacement is read at the sensor's true times, linear between samples. Stepwise its future is
+    not known: a positive skew then continues the last slope.
     """
 
     name: ClassVar[str] = "clock_skew"
     place: ClassVar[Place] = Place.CLOCK_SKEW
-    stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
+    stage: ClassVar[Stage] = Stage.MECHANICAL
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("ppm", "ppm", -1e5, 1e5, description="how much faster the drive's clock runs"),
     )
@@ -32,15 +32,16 @@ class ClockSkew(Effect):
     experiment: ClassVar[str] = "the same fast triangle at the start and at the end of a long record"
     inverse_note: ClassVar[str] = "nothing to invert: it belongs to the recording, not to the actuator"
     linear_parameters: ClassVar[tuple[str, ...]] = ("ppm",)
+    needs_substeps: ClassVar[bool] = True
 
     ppm: float
 
     def initial_state(self) -> Array:
-        """Return an empty buffer of the drive: count, elapsed time [s], then times and voltages."""
+        """Return an empty buffer: count, elapsed time [s], then times and displacements."""
         return delay_state()
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return the drive [V] at the sensor's true times, shape (n_samples,)."""
+        """Return the displacement [um] at the sensor's true times, shape (n_samples,)."""
         kept = min(int(state[0]), _KEPT)
         old_times, old_values = state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept]
         start = np.cumsum(np.concatenate((state[1:2], steps_s)))[1:]

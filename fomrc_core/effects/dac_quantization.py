@@ -25,6 +25,8 @@ class DacQuantization(Effect):
     meaning: ClassVar[str] = "The converter that makes the drive has too few bits, so the voltage moves in steps."
     signature: ClassVar[str] = "residual is a sawtooth of the commanded voltage, with the step as its period"
     experiment: ClassVar[str] = "a triangle so slow that many samples fall on each step"
+    is_scanned: ClassVar[bool] = True
+    held_parameters: ClassVar[tuple[str, ...]] = ("step_v",)
     inverse_note: ClassVar[str] = "no inverse: positions between two steps cannot be had"
 
     step_v: float

@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 class Place(IntEnum):
     """Where in the chain an effect acts; the chain runs in this order."""
 
-    CLOCK_SKEW = 0
     DAC_QUANTIZATION = 1
     AMPLIFIER_SLEW_LIMIT = 2
     AMPLIFIER_BANDWIDTH = 3
@@ -31,12 +30,13 @@ class Place(IntEnum):
     SLOW_RELAXATION = 8
     MECHANICAL_RESONANCE = 9
     TRANSPORT_DELAY = 10
-    EXTERNAL_LOAD = 11
-    CROSS_AXIS = 12
-    THERMAL_DRIFT = 13
-    GAIN_DRIFT = 14
-    SENSOR_NONLINEARITY = 15
-    MAINS_HUM = 16
+    CLOCK_SKEW = 11
+    EXTERNAL_LOAD = 12
+    CROSS_AXIS = 13
+    THERMAL_DRIFT = 14
+    GAIN_DRIFT = 15
+    SENSOR_NONLINEARITY = 16
+    MAINS_HUM = 17
 
 
 class Stage(IntEnum):
@@ -94,6 +94,7 @@ class Effect(ABC):
     can_invert: ClassVar[bool] = False
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
+    is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
 
     def __post_init__(self) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 
-_RAMP_S = 0.1
-_N_RAMP = 20
+_RAMP_S = 0.2
+_N_RAMP = 40
 _N_HOLD = 40
 
 
@@ -34,7 +34,7 @@ class InitialState(Effect):
     experiment: ClassVar[str] = "the relaxation routine before the record: the transient goes"
     inverse_note: ClassVar[str] = "not inverted: run the relaxation routine instead"
     is_record_bound: ClassVar[bool] = True
-    held_parameters: ClassVar[tuple[str, ...]] = ("resting_v", "held_s")
+    held_parameters: ClassVar[tuple[str, ...]] = ("resting_v",)
 
     extreme_v: float = 0.0
     resting_v: float = 0.0

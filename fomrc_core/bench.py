@@ -1,0 +1,125 @@
+"""The records of a diagnosis: what is learnt from, what is held out, and how a model is scored on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.base_fit import centred
+from fomrc_core.chain import Chain, PreparedRecord, predict
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.recording import Recording
+from fomrc_core.residual import rms
+
+Array = NDArray[np.float64]
+
+_N_BLOCKS = 20
+_GAP_SHARE = 0.1  # of a block, on either side
+_UNSURE_START_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A held-out stretch: a record, its number among all records, and the samples that are scored."""
+
+    record: PreparedRecord
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What a diagnosis works with.
+
+    Attributes:
+        train: records, their used samples those a fit learns from.
+        held: what candidates are accepted on.
+        report: what before and after are quoted on; no choice has seen it where it was given.
+        noise_um: noise floor [um].
+    """
+
+    train: tuple[PreparedRecord, ...]
+    held: tuple[HeldOut, ...]
+    report: tuple[HeldOut, ...]
+    noise_um: float
+
+    @property
+    def n_records(self) -> int:
+        """Number of all records, learnt from or not."""
+        return 1 + max([len(self.train) - 1] + [h.index for h in (*self.held, *self.report)])
+
+    @property
+    def n_used(self) -> int:
+        """Number of samples a fit learns from."""
+        return int(sum(np.count_nonzero(r.is_used) for r in self.train))
+
+
+def lay_out(recordings: tuple[Recording, ...], test: Recording | None, report: Recording | None, noise_um: float) -> Bench:
+    """Return the bench; without a test record blocks of the training records are held out, with gaps."""
+    train = tuple(PreparedRecord.of(r) for r in recordings)
+    held: tuple[HeldOut, ...]
+    if test is None:
+        held = tuple(HeldOut(r.using(held_blocks(r)), i) for i, r in enumerate(train))
+        train = tuple(r.using(learned_blocks(r)) for r in train)
+    else:
+        held = (HeldOut(_scored(PreparedRecord.of(test)), len(train)),)
+    quoted = held if report is None else (HeldOut(_scored(PreparedRecord.of(report)), len(train) + 1),)
+    return Bench(train, held, quoted, noise_um)
+
+
+def _scored(record: PreparedRecord) -> PreparedRecord:
+    if not starts_unsure(record):
+        return record
+    return record.using(record.time_s >= _UNSURE_START_SHARE * record.time_s[-1])
+
+
+def starts_unsure(record: PreparedRecord) -> bool:
+    """Return whether the record's first voltage is not zero, so that it may begin relaxed or at rest."""
+    return abs(float(record.voltage_v[0])) > 0.01 * float(np.ptp(record.voltage_v))
+
+
+def _position(record: PreparedRecord) -> tuple[NDArray[np.int64], Array]:
+    share = np.arange(record.time_s.size) * _N_BLOCKS / record.time_s.size
+    return share.astype(np.int64), share - np.floor(share)
+
+
+def held_blocks(record: PreparedRecord) -> NDArray[np.bool_]:
+    """Return the samples of every third block of a record, its edges left out."""
+    block, inside = _position(record)
+    return np.asarray((block % 3 == 1) & (inside >= _GAP_SHARE) & (inside < 1.0 - _GAP_SHARE))
+
+
+def learned_blocks(record: PreparedRecord) -> NDArray[np.bool_]:
+    """Return the samples of the other blocks."""
+    return np.asarray(_position(record)[0] % 3 != 1)
+
+
+def held_residuals(chain: Chain, held: tuple[HeldOut, ...]) -> list[Array]:
+    """Return measured minus predicted, offset removed, on the scored samples of each held-out stretch [um].
+
+    Where the start is not sure, a rest at the first voltage and the relaxed state are both tried and the better
+    one is taken: the start is no merit of a model.
+    """
+    found = []
+    for part in held:
+        options = [chain]
+        if starts_unsure(part.record) and part.index < len(chain.record_effects):
+            own = chain.record_effects[part.index]
+            if not any(isinstance(e, InitialState) and e.free_names() for e in own):
+                others = tuple(e for e in own if not isinstance(e, InitialState))
+                options = [with_own(chain, part.index, others),
+                           with_own(chain, part.index, (*others, part.record.at_rest()))]  # fmt: skip
+        residuals = []
+        for option in options:
+            raw = part.record.measured_um - predict(option, part.record, part.index)
+            residuals.append(centred(raw, part.record.is_used)[part.record.is_used])
+        found.append(min(residuals, key=rms))
+    return found
+
+
+def with_own(chain: Chain, index: int, effects: tuple[object, ...]) -> Chain:
+    """Return the chain with the effects of one record replaced."""
+    own = list(chain.record_effects)
+    own[index] = effects  # type: ignore[call-overload]
+    return replace(chain, record_effects=tuple(own))
