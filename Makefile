@@ -11,7 +11,7 @@ JOBS   ?= auto
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport PYTHONHOME
 # A random domain and no network: runs beside each other never mix their topics.
-export ROS_DOMAIN_ID := $(shell $(PYTHON) -c 'import random; print(random.randint(1, 100))')
+export ROS_DOMAIN_ID := $(shell expr $$(od -An -N2 -tu2 /dev/urandom) % 100 + 1)
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 RUN_STAMP := $(VENV)/installed-run
