@@ -126,14 +126,11 @@ def diagnosis_plain(diagnosis: Any) -> dict[str, Any]:
         }
         for found in diagnosis.findings
     ]
-    baseline = diagnosis.baseline
-    read = baseline.get if isinstance(baseline, Mapping) else lambda name: getattr(baseline, name)
-    before_percent = _plain(read("nrmse_percent_test"))
     return {
-        "status": str(getattr(diagnosis.status, "value", diagnosis.status)),
+        "status": str(diagnosis.status.value),
         "findings": findings,
-        "nrmse_percent_test": before_percent,
-        "nrmse_percent_last": findings[-1]["nrmse_percent_after"] if findings else before_percent,
+        "nrmse_percent_test": _plain(diagnosis.baseline_test_percent),
+        "nrmse_percent_last": _plain(diagnosis.final_test_percent),
         "ambiguous_with": [str(c) for c in diagnosis.ambiguous_with],
         "noise_floor_um": _plain(diagnosis.noise_floor_um),
         "unexplained_percent": _plain(diagnosis.unexplained_percent),

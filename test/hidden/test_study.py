@@ -33,9 +33,10 @@ class _Found:
 
 def _outcome(case: HiddenCase, status: str, *found: _Found, part: str = "single") -> dict[str, Any]:
     diagnosis = SimpleNamespace(
-        status=status,
+        status=SimpleNamespace(value=status),
         findings=found,
-        baseline={"nrmse_percent_test": 1.0},
+        baseline_test_percent=1.0,
+        final_test_percent=0.02,
         ambiguous_with=(),
         noise_floor_um=1e-3,
         unexplained_percent=0.0,
