@@ -38,6 +38,7 @@ class AmplifierSlewLimit(Effect):
     experiment: ClassVar[str] = "steps of several sizes: the time to arrive is proportional to the size"
     inverse_note: ClassVar[str] = "no inverse: what is faster than the limit cannot be had; slow the target"
     needs_substeps: ClassVar[bool] = True
+    size_exponent: ClassVar[float] = -1.0
 
     slew_v_per_s: float
 

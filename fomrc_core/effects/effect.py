@@ -94,6 +94,7 @@ class Effect(ABC):
     can_invert: ClassVar[bool] = False
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
+    size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small effects
     is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
 

@@ -25,7 +25,7 @@ class InitialState(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extreme_v", "V", -1e4, 1e4, description="voltage of the excursion before the record"),
         Parameter("resting_v", "V", -1e4, 1e4, description="voltage just before the record"),
-        Parameter("held_s", "s", 0.0, 1e7, is_log=True, description="how long the excursion was held"),
+        Parameter("held_s", "s", 1e-6, 1e7, is_log=True, description="how long the excursion was held"),
         Parameter("resting_s", "s", 1e-6, 1e7, is_log=True, description="how long it then rested"),
     )
     main_parameter: ClassVar[str] = "extreme_v"

@@ -57,6 +57,7 @@ class MechanicalResonance(Effect):
     experiment: ClassVar[str] = "a multisine through the resonance, or steps sampled fast"
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the target; use smooth targets"
     needs_substeps: ClassVar[bool] = True
+    size_exponent: ClassVar[float] = -0.5
 
     frequency_hz: float
     damping_ratio: float

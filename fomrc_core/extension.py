@@ -1,0 +1,76 @@
+"""From a fitted chain to an extended model: non-negative elements and the effects found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.base_fit import centred, product, record_columns
+from fomrc_core.bench import Bench
+from fomrc_core.chain import Chain, predict
+from fomrc_core.effects import Effect
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.elements import non_negative_weights
+from fomrc_core.hysteresis import OperatorSum, elements_from_play_form
+from fomrc_core.model import PiezoModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Extension:
+    """The extended model and the chain it is the model of.
+
+    Attributes:
+        model: what simulators, compensators and nodes take.
+        chain: the same with its records, for residuals.
+    """
+
+    model: PiezoModel
+    chain: Chain
+
+
+def extend(chain: Chain, bench: Bench) -> Extension:
+    """Return the model of a chain: its weights made those of Maxwell elements, its effects kept.
+
+    The weights a search fits may be of either sign; here they are fitted once more, non-negative, with all else
+    as found.
+    """
+    plain = ~np.isfinite(chain.columns.knees_v)
+    n = int(np.count_nonzero(plain))
+    gram, moment = np.zeros((n, n)), np.zeros(n)
+    for index, record in enumerate(bench.train):
+        columns = centred(record_columns(chain, record, index), record.is_used)[:, plain]
+        target = centred(record.measured_um - predict(chain, record, index), record.is_used)
+        target = target + columns @ chain.weights[plain]
+        gram += product(columns, np.where(record.is_used[:, None], columns, 0.0), record.is_used)
+        moment += product(columns, target, record.is_used)
+    weights = chain.weights.copy()
+    weights[plain] = non_negative_weights(gram, moment)
+    thresholds = chain.columns.thresholds_v
+    is_slope = plain & (thresholds == 0.0)
+    if not float(np.sum(weights[is_slope])) > 0.0:
+        # without an instantaneous part there is no inverse
+        weights[is_slope] = 1e-6 * float(np.sum(weights[plain]))
+    kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
+    columns_kept = replace(
+        chain.columns, thresholds_v=thresholds[kept], knees_v=chain.columns.knees_v[kept], kinds=chain.columns.kinds[kept]
+    )
+    final = replace(chain, columns=columns_kept, weights=weights[kept])
+    operator: OperatorSum = final.operator()
+    effects = list(final.effects) + ([final.asymmetry()] if final.has_knees else [])
+    effects += _own_effects(final, len(bench.train))
+    model = PiezoModel(*elements_from_play_form(operator), final.creep_order, tuple(effects))
+    return Extension(model, final)
+
+
+def _own_effects(chain: Chain, n_train: int) -> list[Effect]:
+    """Return the effects of single records, each as first found; a plain rest is no effect."""
+    found: dict[str, Effect] = {}
+    for own in chain.record_effects[:n_train]:
+        for effect in own:
+            if not (isinstance(effect, InitialState) and not effect.free_names()):
+                found.setdefault(effect.name, effect)
+    return list(found.values())
