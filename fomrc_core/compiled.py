@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -18,9 +20,50 @@ IS_COMPILED = numba is not None
 def compiled(function: Function) -> Function:
     """Return the kernel compiled at its first call and cached on disk, or unchanged without numba.
 
-    Strict floating point: sums keep their order, so that plain Python and compiled code agree to rounding.
+    Strict floating point: sums keep their order, so that plain Python and compiled code agree bit for bit.
     """
+    return _compiled(function)
+
+
+def compiled_sums(function: Function) -> Function:
+    """Return the kernel compiled with sums in any order and products joined to sums, or unchanged without numba.
+
+    For sums over elements and modes: they fill the processor's vector registers, several times faster, and
+    agree with plain Python to rounding. Infinities, NaN and signed zeros keep their meaning.
+    """
+    return _compiled(function, fastmath={"reassoc", "contract"})
+
+
+def compiled_inline(function: Function) -> Function:
+    """Return a part of a ``compiled_sums`` kernel that becomes part of its callers' loops."""
+    return _compiled(function, fastmath={"reassoc", "contract"}, inline="always")
+
+
+def compiled_or(plain: Function) -> Callable[[Function], Function]:
+    """Return a decorator like ``compiled`` that without numba takes the plain function in the kernel's place."""
+    return compiled if numba is not None else lambda _: plain
+
+
+def _compiled(function: Function, **options: Any) -> Function:
     if numba is None:
         return function
-    result: Function = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    options = {"error_model": "numpy", "nogil": True, **options}
+    try:
+        result: Function = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # no folder can be written to: compile anew in each process
+        return numba.njit(**options)(function)  # type: ignore[no-any-return]
+    _stamp_cache(result)
     return result
+
+
+def _stamp_cache(kernel: Any) -> None:
+    # numba takes a cached kernel for fresh as long as its own file is unchanged, although kernels of other files
+    # are compiled into it: the stamp must be that of all these files.
+    function = kernel.py_func
+    files = {function.__code__.co_filename}
+    for name in function.__code__.co_names:
+        files |= getattr(function.__globals__.get(name), "_source_files", set())
+    kernel._source_files = files
+    with contextlib.suppress(AttributeError, OSError):
+        stats = [os.stat(file) for file in sorted(files)]
+        kernel._cache._cache_file._source_stamp = tuple((s.st_mtime, s.st_size) for s in stats)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compiled import compiled
+from fomrc_core.compiled import compiled_inline, compiled_sums
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
@@ -138,53 +138,82 @@ def voltage_stops_to_displacement_stops(stop: OperatorSum, stops_v: Array) -> Ar
     return stretches
 
 
-@compiled
+@compiled_inline
 def move_plays(packed: Array, at: int, value: float) -> float:
     """Return the play sum at the new input; the play states of the block move on."""
     n_plays = int(packed[at + N_PLAYS])
-    total = packed[at + SLOPE] * value
-    thresholds = at + HEADER
-    weights = thresholds + n_plays
-    plays = weights + n_plays
+    first = at + HEADER
+    thresholds = packed[first : first + n_plays]
+    weights = packed[first + n_plays : first + 2 * n_plays]
+    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    total = 0.0
     for j in range(n_plays):
-        threshold = packed[thresholds + j]
-        play = packed[plays + j]
-        play = max(play, value - threshold)
-        play = min(play, value + threshold)
-        packed[plays + j] = play
-        total += packed[weights + j] * play
-    return total
+        play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
+        plays[j] = play
+        total += weights[j] * play
+    return packed[at + SLOPE] * value + total
 
 
-@compiled
+@compiled_inline
 def move_stops(packed: Array, at: int, value: float) -> float:
     """Return the stop sum at the new input; the play states of the block move on."""
     n_plays = int(packed[at + N_PLAYS])
-    total = packed[at + SLOPE] * value
-    thresholds = at + HEADER
-    weights = thresholds + n_plays
-    plays = weights + n_plays
+    first = at + HEADER
+    thresholds = packed[first : first + n_plays]
+    weights = packed[first + n_plays : first + 2 * n_plays]
+    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    total = 0.0
     for j in range(n_plays):
-        threshold = packed[thresholds + j]
         # A saturated stop is exactly its threshold: input less play would carry the rounding of the input.
-        stop = min(max(value - packed[plays + j], -threshold), threshold)
-        packed[plays + j] = value - stop
-        total += packed[weights + j] * stop
-    return total
+        stop = min(max(value - plays[j], -thresholds[j]), thresholds[j])
+        plays[j] = value - stop
+        total += weights[j] * stop
+    return packed[at + SLOPE] * value + total
 
 
-@compiled
+@compiled_sums
 def move_plays_batch(packed: Array, at: int, values: Array, out: Array) -> None:
-    """Fill ``out`` with the play sum for each input, shape (n_samples,); the block's state moves on."""
+    """Fill ``out`` with the play sum for each input, shape (n_samples,); the block's state moves on.
+
+    ``out`` may be ``values`` itself.
+    """
+    # The same loop as move_plays once more: views made once, not per sample.
+    n_plays = int(packed[at + N_PLAYS])
+    first = at + HEADER
+    thresholds = packed[first : first + n_plays]
+    weights = packed[first + n_plays : first + 2 * n_plays]
+    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    slope = packed[at + SLOPE]
     for k in range(values.size):
-        out[k] = move_plays(packed, at, values[k])
+        value = values[k]
+        total = 0.0
+        for j in range(n_plays):
+            play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
+            plays[j] = play
+            total += weights[j] * play
+        out[k] = slope * value + total
 
 
-@compiled
+@compiled_sums
 def move_stops_batch(packed: Array, at: int, values: Array, out: Array) -> None:
-    """Fill ``out`` with the stop sum for each input, shape (n_samples,); the block's state moves on."""
+    """Fill ``out`` with the stop sum for each input, shape (n_samples,); the block's state moves on.
+
+    ``out`` may be ``values`` itself.
+    """
+    n_plays = int(packed[at + N_PLAYS])
+    first = at + HEADER
+    thresholds = packed[first : first + n_plays]
+    weights = packed[first + n_plays : first + 2 * n_plays]
+    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    slope = packed[at + SLOPE]
     for k in range(values.size):
-        out[k] = move_stops(packed, at, values[k])
+        value = values[k]
+        total = 0.0
+        for j in range(n_plays):
+            stop = min(max(value - plays[j], -thresholds[j]), thresholds[j])
+            plays[j] = value - stop
+            total += weights[j] * stop
+        out[k] = slope * value + total
 
 
 def hysteresis_block(form: OperatorSum, plays: Array | None = None) -> Array:

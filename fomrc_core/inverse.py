@@ -10,28 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compiled import compiled
+from fomrc_core.chain_kernels import inverse, inverse_step
+from fomrc_core.compiled import IS_COMPILED, compiled
 from fomrc_core.creep import creep_block, differentiate_step
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.kernels import knee_sum
-from fomrc_core.hysteresis import HEADER, N_PLAYS, SLOPE, hysteresis_block, move_plays, move_stops
+from fomrc_core.hysteresis import HEADER, N_PLAYS, SLOPE, hysteresis_block, move_plays
 from fomrc_core.model import ModelState, PiezoModel, _checked_inputs, check_step
 
 Array = NDArray[np.float64]
-
-
-@compiled
-def inverse_step(packed: Array, at_creep: int, desired_um: float, step_s: float) -> float:
-    """Return the voltage [V] after one step; hysteresis block (stops) at 0, creep block at ``at_creep``."""
-    return move_stops(packed, 0, differentiate_step(packed, at_creep, desired_um, step_s))
-
-
-@compiled
-def inverse(packed: Array, at_creep: int, desired_um: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with the voltage [V] for each sample, shape (n_samples,)."""
-    for k in range(desired_um.size):
-        out[k] = move_stops(packed, 0, differentiate_step(packed, at_creep, desired_um[k], steps_s[k]))
 
 
 @compiled
@@ -113,10 +101,16 @@ class Compensator:
     def advance(self, state: ModelState, desired_um: float, step_s: float, *, temperature_c: float = np.nan,
                 cross: float = np.nan) -> float:  # fmt: skip
         """Return the voltage [V] after one step of ``step_s`` [s] that ends at ``desired_um`` [um]."""
-        check_step(step_s, desired_um, "desired_um")
         if not self.model.effects:
+            if IS_COMPILED:
+                voltage_v = inverse_step(state.packed, self.at_creep, desired_um, step_s)
+            else:
+                voltage_v = state.plain_chain(self.at_creep).inverse(desired_um, step_s)
+            if voltage_v != voltage_v:  # the kernels answer unfit input with NaN
+                check_step(step_s, desired_um, "desired_um")
             state.last_input = desired_um
-            return float(inverse_step(state.packed, self.at_creep, desired_um, step_s))
+            return voltage_v
+        check_step(step_s, desired_um, "desired_um")
         one = self.run(
             np.array([step_s]), np.array([desired_um]), state,
             temperature_c=None if np.isnan(temperature_c) else np.array([temperature_c]),

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compiled import compiled
-from fomrc_core.creep import CreepModes, check_order, creep_block, creep_modes, integrate_step
+from fomrc_core.chain_kernels import forward, forward_beside, forward_step
+from fomrc_core.compiled import IS_COMPILED
+from fomrc_core.creep import CreepModes, check_order, creep_block, creep_modes
 from fomrc_core.effects import Effect, Stage, effect_class
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.errors import ParameterError
@@ -26,10 +27,10 @@ from fomrc_core.hysteresis import (
     OperatorSum,
     check_elements,
     hysteresis_block,
-    move_plays,
     play_form,
     stop_form,
 )
+from fomrc_core.plain_chain import PlainChain
 
 Array = NDArray[np.float64]
 
@@ -37,27 +38,6 @@ N_SUBSTEPS = 5
 N_PARTS_LARGE = 8
 LARGE_CHANGE = 0.02  # of the largest threshold
 SMALL_CHANGE = 1e-3
-
-
-@compiled
-def forward_step(packed: Array, at_creep: int, voltage_v: float, step_s: float) -> float:
-    """Return the displacement [um] after one step; hysteresis block at 0, creep block at ``at_creep``."""
-    return integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v), step_s)
-
-
-@compiled
-def forward(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with the displacement [um] of each sample, shape (n_samples,)."""
-    for k in range(voltage_v.size):
-        out[k] = integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v[k]), steps_s[k])
-
-
-@compiled
-def forward_beside(packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array,
-                   out: Array) -> None:  # fmt: skip
-    """Fill ``out`` with the displacement [um] where something acts beside the elements, shape (n_samples,)."""
-    for k in range(voltage_v.size):
-        out[k] = integrate_step(packed, at_creep, move_plays(packed, 0, voltage_v[k]) + beside_um[k], steps_s[k])
 
 
 @dataclass
@@ -73,6 +53,17 @@ class ModelState:
     packed: Array
     effects: dict[str, Array] = field(default_factory=dict)
     last_input: float = 0.0
+
+    def plain_chain(self, at_creep: int) -> PlainChain:
+        """Return the stepper for plain Python on this state, made at its first use."""
+        chain: PlainChain | None = self.__dict__.get("_plain_chain")
+        if chain is None or chain.packed is not self.packed:
+            chain = self.__dict__["_plain_chain"] = PlainChain(self.packed, at_creep)
+        return chain
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Views do not stay views of the state when they are pickled beside it.
+        return {name: value for name, value in self.__dict__.items() if name != "_plain_chain"}
 
     def copy(self) -> ModelState:
         """Return an independent copy."""
@@ -187,10 +178,16 @@ class PiezoModel:
             temperature_c: temperature [degC], for effects that use it.
             cross: second axis, for effects that use it.
         """
-        check_step(step_s, voltage_v, "voltage_v")
         if not self.effects:
+            if IS_COMPILED:
+                moved = forward_step(state.packed, self.at_creep, voltage_v, step_s)
+            else:
+                moved = state.plain_chain(self.at_creep).forward(voltage_v, step_s)
+            if moved != moved:  # the kernels answer unfit input with NaN: half the cost of a check beforehand
+                check_step(step_s, voltage_v, "voltage_v")
             state.last_input = voltage_v
-            return float(forward_step(state.packed, self.at_creep, voltage_v, step_s))
+            return moved
+        check_step(step_s, voltage_v, "voltage_v")
         one = self.simulate(
             np.array([step_s]), np.array([voltage_v]), state,
             temperature_c=None if np.isnan(temperature_c) else np.array([temperature_c]),
@@ -320,7 +317,7 @@ def subdivide(steps: Array, drive: Array, last: float, parts: NDArray[np.int64])
 
 def settle_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], steps: Array, drive: Array) -> None:
     """Move the state through what went before a record; clocks of time-dependent effects do not run."""
-    lasting = tuple(effect for effect in effects if effect.stage not in (Stage.SENSED, Stage.SAMPLED_DRIVE))
+    lasting = tuple(e for e in effects if e.stage not in (Stage.SENSED, Stage.SAMPLED_DRIVE) and e.name != "clock_skew")
     run_chain(state, at_creep, lasting, steps, drive)
 
 
