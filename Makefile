@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-# Workers of the test run; the ROS tests all run in one of them (see test/conftest.py).
+# Workers of the test run; all ROS tests run in one of them (see test/conftest.py).
 JOBS   ?= auto
 
 # The ROS wheels restart Python once and mark that in this variable; inherited by the Python of
@@ -30,7 +30,7 @@ demo: $(RUN_STAMP)
 	@$(BIN)/fomrc demo
 
 test: $(DEV_STAMP)
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
 bench: $(DEV_STAMP)
 	@$(BIN)/python -m pytest benchmarks -p no:xdist --benchmark-only $(ARGS)

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import os
 import random
-from pathlib import Path
+from typing import Any
 
 import pytest
 
-_ROS_TESTS = Path(__file__).parent / "ros"
+_ROS_TESTS = "test/ros/"
 
 # Set before any ROS context exists. Not overridden where the caller has chosen a domain.
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the ROS tests in one worker: timing over DDS suffers when they compete with each other."""
-    for item in items:
-        if _ROS_TESTS in item.path.parents:
-            item.add_marker(pytest.mark.xdist_group("ros"))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Spread tests over the workers one by one, but give all ROS tests to one.
+
+    Nodes of tests that run at the same time would hear each other, and compete for time.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class RosTogether(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return _ROS_TESTS if nodeid.startswith(_ROS_TESTS) else nodeid
+
+    return RosTogether(config, log)
