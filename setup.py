@@ -58,6 +58,8 @@ setup(
             "compensator = fomrc_ros.compensator_node:main",
             "simulated_pea = fomrc_ros.simulated_pea_node:main",
             "identification = fomrc_ros.identification_node:main",
+            "gap_command = fomrc_ros.gap_nodes:command_main",
+            "gap_monitor = fomrc_ros.gap_nodes:monitor_main",
         ],
     },
 )

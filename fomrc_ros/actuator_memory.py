@@ -51,9 +51,11 @@ class ActuatorMemory:
         """Return an independent copy."""
         return ActuatorMemory(self.state.copy(), self.turning_points.copy())
 
-    def advance(self, compensator: Compensator, desired_um: float, step_s: float) -> float:
+    def advance(
+        self, compensator: Compensator, desired_um: float, step_s: float, cross: float = np.nan
+    ) -> float:
         """Return the voltage [V] after one step; the memory moves on."""
-        voltage_v = compensator.advance(self.state, desired_um, step_s)
+        voltage_v = compensator.advance(self.state, desired_um, step_s, cross=cross)
         self.note_turning_point(compensator)
         return voltage_v
 
@@ -118,15 +120,17 @@ class TargetHistory:
         self._quarter = max(capacity // 4, 1)
         self._steps_s = np.empty(4 * self._quarter)
         self._desired_um = np.empty(4 * self._quarter)
+        self._cross = np.empty(4 * self._quarter)
         # Memories at the beginning of each quarter that is in use: the first one is the anchor.
         self._anchors: list[tuple[Compensator, ActuatorMemory]] = [(compensator, memory.copy())]
         self.n_samples = 0
         self.n_dropped = 0
 
-    def append(self, step_s: float, desired_um: float) -> None:
-        """Add a sample."""
+    def append(self, step_s: float, desired_um: float, cross: float = np.nan) -> None:
+        """Add a sample; ``cross`` is where the second axis was, not a number where there is none."""
         self._steps_s[self.n_samples] = step_s
         self._desired_um[self.n_samples] = desired_um
+        self._cross[self.n_samples] = cross
         self.n_samples += 1
 
     def mark(self, compensator: Compensator, memory: ActuatorMemory) -> None:
@@ -138,6 +142,7 @@ class TargetHistory:
             keep = 3 * self._quarter
             self._steps_s[:keep] = self._steps_s[self._quarter :]
             self._desired_um[:keep] = self._desired_um[self._quarter :]
+            self._cross[:keep] = self._cross[self._quarter :]
             self.n_samples = keep
             self.n_dropped += self._quarter
             del self._anchors[0]
@@ -147,9 +152,9 @@ class TargetHistory:
         """The compensator and its memory where the history begins."""
         return self._anchors[0]
 
-    def part(self, start: int, stop: int) -> tuple[Array, Array]:
-        """Return steps [s] and displacements [um] of samples ``start`` to ``stop``."""
-        return self._steps_s[start:stop], self._desired_um[start:stop]
+    def part(self, start: int, stop: int) -> tuple[Array, Array, Array]:
+        """Return steps [s], displacements [um] and second axis of samples ``start`` to ``stop``."""
+        return self._steps_s[start:stop], self._desired_um[start:stop], self._cross[start:stop]
 
 
 class MemoryReplay:
@@ -196,11 +201,13 @@ class MemoryReplay:
             if now >= deadline:
                 return self._next - history.n_dropped >= history.n_samples
 
-    def _replay(self, steps_s: Array, desired_um: Array) -> None:
+    def _replay(self, steps_s: Array, desired_um: Array, cross: Array) -> None:
         compensator, memory = self.compensator, self.memory
         # Turning points need the hysteresis input of every sample, so this goes step by step.
-        for step_s, desired in zip(steps_s.tolist(), desired_um.tolist(), strict=True):
-            self.last_voltage_v = memory.advance(compensator, desired, step_s)
+        for step_s, desired, beside in zip(
+            steps_s.tolist(), desired_um.tolist(), cross.tolist(), strict=True
+        ):
+            self.last_voltage_v = memory.advance(compensator, desired, step_s, beside)
 
 
 def displacement_for_voltage(
@@ -210,6 +217,7 @@ def displacement_for_voltage(
     step_s: float,
     near_um: float,
     gain_um_per_v: float,
+    cross: float = np.nan,
 ) -> float:
     """Return the displacement [um] a compensator must be told for it to answer with a given voltage.
 
@@ -223,10 +231,11 @@ def displacement_for_voltage(
         step_s: length of the step [s].
         near_um: a displacement near the answer [um].
         gain_um_per_v: how far the actuator moves per volt, for the first guess [um/V].
+        cross: second axis, not a number where there is none.
     """
 
     def error(desired_um: float) -> float:
-        return compensator.advance(state.copy(), desired_um, step_s) - voltage_v
+        return compensator.advance(state.copy(), desired_um, step_s, cross=cross) - voltage_v
 
     low = high = near_um
     low_error = high_error = error(near_um)

@@ -30,7 +30,7 @@ from fomrc_ros.turning_points import TurningPoints
 
 FORMAT = "fomrc compensator checkpoint 1"
 LARGEST_CHECKPOINT_BYTES = 4_000_000
-_RECORD = struct.Struct("<dddd")  # wall time [s], step [s], desired [um], voltage [V]
+_RECORD = struct.Struct("<ddddd")  # wall time [s], step [s], desired [um], second axis or NaN, voltage [V]
 _CHECK = struct.Struct("<I")
 _RECORD_BYTES = _RECORD.size + _CHECK.size
 _LARGEST_JOURNAL_BYTES = 200_000_000
@@ -87,6 +87,7 @@ class CheckpointWriter:
         memory: ActuatorMemory,
         step_s: float,
         desired_um: float,
+        cross: float,
         voltage_v: float,
         *,
         is_discontinuous: bool = False,
@@ -98,12 +99,13 @@ class CheckpointWriter:
             memory: its memory after the tick.
             step_s: length of the tick's step [s].
             desired_um: displacement the memory was moved to [um].
+            cross: second axis, not a number where there is none.
             voltage_v: voltage published [V].
             is_discontinuous: whether the memory changed otherwise than by the tick.
         """
         now = time.time()
         if self._journal >= 0:
-            record = _RECORD.pack(now, step_s, desired_um, voltage_v)
+            record = _RECORD.pack(now, step_s, desired_um, cross, voltage_v)
             try:
                 os.write(self._journal, record + _CHECK.pack(zlib.crc32(record)))
             except OSError as error:
@@ -190,8 +192,8 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
         raise StorageError("checkpoint's state does not fit its model", where=where)
     for journal in sorted(_journals(path), key=_journal_number):
         if _journal_number(journal) >= sequence:
-            for wall_s, step_s, desired_um, voltage_v in _records(journal):  # noqa: B007
-                memory.advance(old, desired_um, step_s)
+            for wall_s, step_s, desired_um, cross, voltage_v in _records(journal):  # noqa: B007
+                memory.advance(old, desired_um, step_s, cross)
     down_time_s = time.time() - wall_s
     if down_time_s < -1.0:
         raise StorageError("checkpoint is from the future: was the clock set?", where=where, value=wall_s)
@@ -264,7 +266,7 @@ def _unsealed(path: Path) -> dict[str, Any]:
     return content
 
 
-def _records(journal: Path) -> list[tuple[float, float, float, float]]:
+def _records(journal: Path) -> list[tuple[float, float, float, float, float]]:
     where = str(journal)
     try:
         if journal.stat().st_size > _LARGEST_JOURNAL_BYTES:
@@ -278,7 +280,9 @@ def _records(journal: Path) -> list[tuple[float, float, float, float]]:
         record = content[at : at + _RECORD.size]
         (check,) = _CHECK.unpack(content[at + _RECORD.size : at + _RECORD_BYTES])
         values = _RECORD.unpack(record)
-        if check != zlib.crc32(record) or not (np.all(np.isfinite(values)) and values[1] > 0.0):
+        if check != zlib.crc32(record) or not (
+            np.all(np.isfinite((*values[:3], values[4]))) and values[1] > 0.0
+        ):
             raise StorageError("journal is damaged", where=where, value=f"record {at // _RECORD_BYTES}")
         records.append(values)
     return records

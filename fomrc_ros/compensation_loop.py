@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -90,6 +91,7 @@ class CompensationLoop:
         self.target_um = target_um
         self.age_s = 0.0
         self.followed_um = 0.0
+        self.cross = math.nan
         self.is_discontinuous = True
         self._target_age_s = 0.0
         self._replay: MemoryReplay | None = None
@@ -189,8 +191,8 @@ class CompensationLoop:
         # Nothing was driven for a while (inactive, suspended): the actuator rested where it was, and crept.
         steps = aging_steps(pause_s, self.settings.period_s)
         for step_s in steps[:-1]:
-            self.memory.advance(self.compensator, self.followed_um, step_s)
-            self._history.append(step_s, self.followed_um)
+            self.memory.advance(self.compensator, self.followed_um, step_s, self.cross)
+            self._history.append(step_s, self.followed_um, self.cross)
             self._history.mark(self.compensator, self.memory)
         return steps[-1]
 
@@ -211,7 +213,7 @@ class CompensationLoop:
     def _tick_tracking(self, target_um: float, step_s: float) -> float:
         limits = self.settings.limits
         before = self.memory.state.copy()
-        wanted = self.compensator.advance(self.memory.state, target_um, step_s)
+        wanted = self.compensator.advance(self.memory.state, target_um, step_s, cross=self.cross)
         voltage = limits.approach(self.voltage_v, wanted, step_s)
         if voltage == wanted:
             self._is_catching_up = False
@@ -233,9 +235,9 @@ class CompensationLoop:
         near_um = self.memory.state.last_input
         gain = 1.0 / self.compensator.model.stop_form.slope
         reached_um = displacement_for_voltage(
-            self.compensator, self.memory.state, voltage_v, step_s, near_um, gain
+            self.compensator, self.memory.state, voltage_v, step_s, near_um, gain, self.cross
         )
-        self.compensator.advance(self.memory.state, reached_um, step_s)
+        self.compensator.advance(self.memory.state, reached_um, step_s, cross=self.cross)
         self._remember(step_s, reached_um)
         self.voltage_v = voltage_v
         return voltage_v
@@ -243,7 +245,7 @@ class CompensationLoop:
     def _remember(self, step_s: float, desired_um: float) -> None:
         self.followed_um = desired_um
         self.memory.note_turning_point(self.compensator)
-        self._history.append(step_s, desired_um)
+        self._history.append(step_s, desired_um, self.cross)
         self._history.mark(self.compensator, self.memory)
 
     def _work_on_replay(self) -> None:

@@ -23,7 +23,7 @@ from fomrc_ros.compensator_report import describe
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.diagnostics import DiagnosticsPublisher, Report
 from fomrc_ros.loop_timing import LoopTiming
-from fomrc_ros.model_parameters import effect_parameter_names, effect_spec
+from fomrc_ros.model_parameters import effect_spec, parameters_of_effects
 from fomrc_ros.node_parameters import NodeParameters
 from fomrc_ros.node_runtime import run
 from fomrc_ros.parameter_files import confined_path, read_parameter_file
@@ -71,10 +71,9 @@ class CompensatorNode(LifecycleNode):
         self._stop_deadline_s: float | None = None
         self._relaxing: list[Future] = []
         self.parameters = NodeParameters(
-            self, compensator_specs(), SettingsBuilder(), self._apply, effect_spec
+            self, compensator_specs(), SettingsBuilder(), self._apply, effect_spec, parameters_of_effects
         )
         values = self.parameters.values
-        self.parameters.declare_more(effect_parameter_names(values["model.effects"]))
         self.parameters.watch()
         self.period_s = 1.0 / values["rate_hz"]
         self.timing = LoopTiming(self.period_s)
@@ -87,6 +86,13 @@ class CompensatorNode(LifecycleNode):
             self._interface.message_type,
             "desired_position",
             self._on_target,
+            COMMAND,
+            qos_overriding_options=overridable(),
+        )
+        self.create_subscription(
+            self._interface.message_type,
+            "cross_position",
+            self._on_cross,
             COMMAND,
             qos_overriding_options=overridable(),
         )
@@ -242,14 +248,24 @@ class CompensatorNode(LifecycleNode):
         try:
             target_um = self._interface.to_um(message)
         except FomrcError as error:
-            self.n_refused += 1
-            self.last_refusal = str(error)
-            self.get_logger().warning(
-                f"desired_position refused: {error}", throttle_duration_sec=_SAID_AGAIN_AFTER_S
-            )
+            self._refuse("desired_position", error)
             return
         if self.is_active and self.loop is not None:
             self.loop.set_target(target_um)
+
+    def _on_cross(self, message: Any) -> None:
+        try:
+            cross_um = self._interface.to_um(message)
+        except FomrcError as error:
+            self._refuse("cross_position", error)
+            return
+        if self.loop is not None:
+            self.loop.cross = cross_um
+
+    def _refuse(self, topic: str, error: FomrcError) -> None:
+        self.n_refused += 1
+        self.last_refusal = str(error)
+        self.get_logger().warning(f"{topic} refused: {error}", throttle_duration_sec=_SAID_AGAIN_AFTER_S)
 
     def _tick(self) -> None:
         loop = self.loop
@@ -271,7 +287,13 @@ class CompensatorNode(LifecycleNode):
         if self.checkpoint is not None:
             is_new, loop.is_discontinuous = loop.is_discontinuous, False
             self.checkpoint.note(
-                loop.compensator, loop.memory, step_s, loop.followed_um, voltage_v, is_discontinuous=is_new
+                loop.compensator,
+                loop.memory,
+                step_s,
+                loop.followed_um,
+                loop.cross,
+                voltage_v,
+                is_discontinuous=is_new,
             )
 
     def _apply(self, settings: CompensatorSettings) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ def triangle_target(amplitude_um: float) -> Target:
     swings = [sign * share for share in (1.0, 0.8, 0.6, 0.4, 0.2) for sign in (1.0, -1.0)]
     corners = [0.0, *swings, 0.0]
     parts = [np.zeros(1)]
-    for start, stop in zip(corners[:-1], corners[1:], strict=True):
+    for start, stop in pairwise(corners):
         n = int(abs(stop - start) * amplitude_um / _TRIANGLE_UM_PER_S * RATE_HZ)
         parts.append(start + (stop - start) * np.arange(1, n + 1) / n)
     return Target("triangle (figure 16)", amplitude_um * np.concatenate(parts))

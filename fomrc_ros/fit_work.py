@@ -84,7 +84,9 @@ def columns_of(text: str) -> dict[str, int | None]:
     for entry in text.split(","):
         quantity, _, number = (part.strip() for part in entry.partition("="))
         if not quantity or not (number == "none" or number.isdigit()):
-            raise InputError("not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0")
+            raise InputError(
+                "not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0"
+            )
         columns[quantity] = None if number == "none" else int(number)
     return columns
 

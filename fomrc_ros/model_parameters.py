@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from fomrc_core.effects import effect_classes
@@ -62,12 +62,12 @@ def effect_spec(name: str) -> ParameterSpec | None:
     return None
 
 
-def effect_parameter_names(effect_names: Iterable[str]) -> list[str]:
-    """Return the full names of all parameters of these effects; names that are no effect are left out."""
+def parameters_of_effects(values: Mapping[str, Any]) -> list[str]:
+    """Return the full names of all parameters of the effects the values name; unknown effects are left out."""
     kinds = effect_classes()
     return [
         f"{PREFIX}{effect_name}.{parameter.name}"
-        for effect_name in effect_names
+        for effect_name in values.get("model.effects") or ()
         if effect_name in kinds
         for parameter in kinds[effect_name].parameters
     ]

@@ -156,6 +156,8 @@ class NodeParameters:
         build: makes the node's settings from all values; raises FomrcError where they do not fit.
         apply: takes over settings that have been built, called after every change.
         find_spec: gives the specification of a name not in ``specs`` (an effect's parameter), or None.
+        more_names: further parameters that the values given at start call for, e.g. those of the effects a
+            model names.
 
     Raises:
         FomrcError: the values the node was started with are not acceptable.
@@ -168,6 +170,7 @@ class NodeParameters:
         build: Callable[[Mapping[str, Any]], Any],
         apply: Callable[[Any], None],
         find_spec: Callable[[str], ParameterSpec | None] = lambda name: None,
+        more_names: Callable[[Mapping[str, Any]], Sequence[str]] = lambda values: (),
     ) -> None:
         self._node, self._build, self._apply, self._find_spec = node, build, apply, find_spec
         self._specs = {spec.name: spec for spec in specs}
@@ -175,6 +178,11 @@ class NodeParameters:
         self._candidate: tuple[dict[str, Any], Any] | None = None
         for spec in specs:
             self._declare(spec)
+        for name in more_names(self.values):
+            more = self.spec(name)
+            if more is not None and name not in self._specs:
+                self._specs[name] = more
+                self._declare(more)
         self.settings = build(self.values)
 
     def watch(self) -> None:
@@ -182,15 +190,6 @@ class NodeParameters:
         self._node.add_pre_set_parameters_callback(self._coerce)
         self._node.add_on_set_parameters_callback(self._validate)
         self._node.add_post_set_parameters_callback(self._take_over)
-
-    def declare_more(self, names: Sequence[str]) -> None:
-        """Declare further parameters that were given at start, e.g. those of the effects a model names."""
-        for name in names:
-            spec = self.spec(name)
-            if spec is not None and name not in self._specs:
-                self._specs[name] = spec
-                self._declare(spec)
-        self.settings = self._build(self.values)
 
     def spec(self, name: str) -> ParameterSpec | None:
         """Return the specification of a parameter, None where there is no such parameter."""

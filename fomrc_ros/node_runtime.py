@@ -67,6 +67,13 @@ def run(make_node: Callable[[], Any], arguments: list[str] | None = None) -> int
         make_node: makes the node; a ``StoppableNode``.
         arguments: command line, ``sys.argv`` where not given.
     """
+    signalled: list[int] = []
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        signalled.append(number)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
     try:
         # Own handlers, because a stopping node may have to ramp a voltage down before the context goes.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -75,13 +82,6 @@ def run(make_node: Callable[[], Any], arguments: list[str] | None = None) -> int
         return EXIT_BAD_INPUT
     status = 0
     node: Any = None
-    signalled: list[int] = []
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        signalled.append(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
     try:
         node = make_node()
         executor = make_executor()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -54,7 +55,7 @@ def confined_path(path: str, folders: Sequence[str], where: str) -> Path:
 def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
     """Return the parameters a YAML file holds for a node, as flat names.
 
-    Entries for all nodes (``/**``) come first, those for the node itself override them.
+    Entries for all nodes (``/**``) come first, then other patterns, then those for the node itself.
 
     Args:
         path: the file.
@@ -73,7 +74,7 @@ def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
         )
     found: dict[str, Any] = {}
     is_for_us = False
-    for key in sorted(content, key=lambda name: name not in ("/**", "/*")):
+    for key in sorted(content, key=_how_special):
         if not _names_node(str(key), node_name):
             continue
         block = content[key]
@@ -103,15 +104,14 @@ def started_with() -> str:
 
 
 def _names_node(key: str, node_name: str) -> bool:
-    if key == "/**":
-        return True
-    own = key if key.startswith("/") else f"/{key}"
-    if own.startswith("/**/"):
-        return node_name.endswith(own[3:])
-    own_parts, node_parts = own.split("/"), node_name.split("/")
-    return len(own_parts) == len(node_parts) and all(
-        own_part in ("*", node_part) for own_part, node_part in zip(own_parts, node_parts, strict=True)
-    )
+    # As the client library does: * is any one name, ** any number of them.
+    pattern = re.escape(key if key.startswith("/") else f"/{key}")
+    pattern = pattern.replace(re.escape("/**"), "(/[^/]+)*").replace(re.escape("*"), "[^/]+")
+    return re.fullmatch(pattern, node_name) is not None
+
+
+def _how_special(key: object) -> int:
+    return 0 if key == "/**" else 1 if "*" in str(key) else 2
 
 
 def _flatten(block: Mapping[Any, Any], prefix: str, found: dict[str, Any], where: str, depth: int) -> None:

@@ -17,7 +17,7 @@ from fomrc_core.errors import InputError, ParameterError
 from fomrc_ros.conversions import INTERFACES, m_to_um, position_interface, voltage_from_message
 from fomrc_ros.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.loop_timing import LoopTiming
-from fomrc_ros.model_parameters import MODEL_SPECS, effect_parameter_names, effect_spec, model_from_values
+from fomrc_ros.model_parameters import MODEL_SPECS, effect_spec, model_from_values, parameters_of_effects
 from fomrc_ros.node_parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node_runtime import run
 from fomrc_ros.qualities import COMMAND, MEASUREMENT, overridable
@@ -83,9 +83,10 @@ class SimulatedPea(Node):
         super().__init__("simulated_pea", allow_undeclared_parameters=True)
         self.stopped = Future()
         self._plant: Plant | None = None
-        self.parameters = NodeParameters(self, SPECS, self._build, self._apply, effect_spec)
+        self.parameters = NodeParameters(
+            self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects
+        )
         values = self.parameters.values
-        self.parameters.declare_more(effect_parameter_names(values["model.effects"]))
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])
         self._voltage_v = 0.0

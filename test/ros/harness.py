@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import struct
@@ -33,12 +34,15 @@ MODULES = {
     "compensator": "fomrc_ros.compensator_node",
     "simulated_pea": "fomrc_ros.simulated_pea_node",
     "identification": "fomrc_ros.identification_node",
+    "gap_command": "fomrc_ros.gap_nodes",
+    "gap_monitor": "fomrc_ros.gap_nodes",
 }
 MODEL = {
     "kappa_um_per_v": [20.0, 12.0, 9.0, 1.4],
     "saturation_v": [0.02, 0.07, 0.2],
     "creep_order": 0.015,
 }
+_LIBC = ctypes.CDLL(None)
 _READ_BEST_EFFORT = QoSProfile(depth=20000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _READ = QoSProfile(depth=20000)
 
@@ -54,6 +58,11 @@ def compensator_of(model: dict | None = None) -> Compensator:
     return Compensator(PiezoModel.from_mapping(MODEL if model is None else model))
 
 
+def _die_with_the_test() -> None:
+    # PR_SET_PDEATHSIG: a test run that crashes must not leave nodes behind that publish into the next one.
+    _LIBC.prctl(1, signal.SIGKILL)
+
+
 class NodeUnderTest:
     """One node in a process of its own."""
 
@@ -63,7 +72,13 @@ class NodeUnderTest:
         self.kind, self.namespace = kind, namespace
         self.name = f"{namespace}/{kind}"
         self._output = folder / f"{kind}{time.monotonic_ns()}.log"
-        command = [sys.executable, "-m", MODULES[kind], "--ros-args"]
+        command = [
+            sys.executable,
+            "-m",
+            MODULES[kind],
+            *(["--monitor"] if kind == "gap_monitor" else []),
+            "--ros-args",
+        ]
         for file in files:
             command += ["--params-file", str(file)]
         if namespace:
@@ -76,7 +91,13 @@ class NodeUnderTest:
         environment = dict(os.environ, PYTHONPATH=str(REPOSITORY))
         with self._output.open("wb") as output:
             self.process = subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=output, stderr=output, start_new_session=True
+                command,
+                cwd=folder,
+                env=environment,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+                preexec_fn=_die_with_the_test,
             )
 
     def output(self) -> str:
@@ -144,7 +165,7 @@ class Probe:
     def record(self, topic: str, kind: type = Float64) -> list:
         """Return a list that fills with (time of receipt, message)."""
         seen: list = []
-        qos = _READ_BEST_EFFORT if topic.endswith("displacement") else _READ
+        qos = _READ_BEST_EFFORT if topic.endswith(("displacement", "gap")) else _READ
         self.node.create_subscription(kind, topic, lambda m: seen.append((time.perf_counter(), m)), qos)
         return seen
 
@@ -216,14 +237,14 @@ def _message(name: str, value: object):
 
 
 def journal_records(checkpoint: Path) -> np.ndarray:
-    """Return the ticks the compensator noted: wall time, step [s], followed [um], voltage [V]."""
+    """Return the ticks the compensator noted: wall time, step [s], followed [um], voltage [V], second axis."""
     rows = []
     for journal in sorted(
         checkpoint.parent.glob(checkpoint.name + ".journal.*"), key=lambda p: int(p.suffix[1:])
     ):
         content = journal.read_bytes()
-        rows += [struct.unpack_from("<dddd", content, at) for at in range(0, len(content) - 35, 36)]
-    return np.array(rows)
+        rows += [struct.unpack_from("<ddddd", content, at) for at in range(0, len(content) - 43, 44)]
+    return np.array(rows)[:, [0, 1, 2, 4, 3]]
 
 
 def clean(output: str) -> list[str]:

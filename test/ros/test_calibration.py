@@ -36,7 +36,9 @@ def test_calibrated_stage_follows(tmp_path, probe, start):
     answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
     assert answer.success, answer.message
     assert probe.state(compensator.name) == "active"
-    model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
+    model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"][
+        "model"
+    ]
     assert probe.get(compensator.name, "model.saturation_v") == model["saturation_v"] != MODEL["saturation_v"]
     voltages = np.array([message.data for _, message in heard])
     assert np.max(np.abs(voltages)) <= 2.5

@@ -32,7 +32,10 @@ def test_live_changes(probe, tracking):
     assert probe.set_one(node.name, "model.kappa_um_per_v", [20, 12, 9, 2]).successful
     assert probe.get(node.name, "model.kappa_um_per_v")[-1] == 2.0
     assert probe.set_one(node.name, "safe_voltage_v", 1).successful
-    changed = {"model__kappa_um_per_v": OTHER["kappa_um_per_v"] + [1.0], "model__saturation_v": [0.1, 0.2, 0.3, 0.4]}
+    changed = {
+        "model__kappa_um_per_v": OTHER["kappa_um_per_v"] + [1.0],
+        "model__saturation_v": [0.1, 0.2, 0.3, 0.4],
+    }
     assert probe.set_all(node.name, **changed).successful
     probe.drive(publisher, lambda t: 0.5e-6, 0.5)
     assert np.isfinite(heard[-1][1].data)
@@ -79,7 +82,10 @@ def test_effects_come_and_go_live(probe, tracking):
 
 @pytest.mark.parametrize(
     "changed",
-    [{"kappa_um_per_v": OTHER["kappa_um_per_v"], "saturation_v": OTHER["saturation_v"]}, {"creep_order": 0.02}],
+    [
+        {"kappa_um_per_v": OTHER["kappa_um_per_v"], "saturation_v": OTHER["saturation_v"]},
+        {"creep_order": 0.02},
+    ],
     ids=["elements", "creep order"],
 )
 def test_swapped_model_stands_as_if_it_had_run_all_along(tmp_path, probe, tracking, changed):
@@ -105,7 +111,9 @@ def test_swapped_model_stands_as_if_it_had_run_all_along(tmp_path, probe, tracki
     replayed = compensator_of(copy.deepcopy(MODEL) | changed).run(steps, followed)[1:]
     np.testing.assert_allclose(ticks[-100:, 3], replayed[-100:], rtol=0.0, atol=1e-6)
     old = compensator_of().run(steps, followed)[1:]
-    assert np.max(np.abs(old[-100:] - replayed[-100:])) > 1e-4, "the models must differ for this to mean anything"
+    assert np.max(np.abs(old[-100:] - replayed[-100:])) > 1e-4, (
+        "the models must differ for this to mean anything"
+    )
 
 
 def first_sample(checkpoint) -> float:

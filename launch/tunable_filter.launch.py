@@ -1,0 +1,44 @@
+"""A tunable filter: three axes, each with compensator and stage in a namespace, and the gap they set together.
+
+ros2 launch fomrc_ros tunable_filter.launch.py parameters:=/path/to/tunable_filter.yaml
+"""
+
+import os
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def make_nodes(context):
+    parameters = LaunchConfiguration("parameters").perform(context)
+    is_simulated = LaunchConfiguration("simulate").perform(context).lower() in ("true", "1", "yes")
+    axes = [axis for axis in LaunchConfiguration("axes").perform(context).split(",") if axis]
+    common = {"package": "fomrc_ros", "parameters": [parameters], "output": "screen"}
+    nodes = []
+    for axis in axes:
+        nodes.append(Node(executable="compensator", name="compensator", namespace=axis, **common))
+        if is_simulated:
+            nodes.append(Node(executable="simulated_pea", name="simulated_pea", namespace=axis, **common))
+    if len(axes) == 3:
+        nodes.append(Node(executable="gap_command", name="gap_command", **common))
+        nodes.append(Node(executable="gap_monitor", name="gap_monitor", **common))
+    return nodes
+
+
+def generate_launch_description():
+    config = os.path.join(get_package_share_directory("fomrc_ros"), "config")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "parameters",
+                default_value=os.path.join(config, "tunable_filter.yaml"),
+                description="one parameter file for all axes",
+            ),
+            DeclareLaunchArgument("axes", default_value="axis1,axis2,axis3", description="namespaces"),
+            DeclareLaunchArgument("simulate", default_value="true", description="start simulated stages"),
+            OpaqueFunction(function=make_nodes),
+        ]
+    )

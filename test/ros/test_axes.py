@@ -1,0 +1,54 @@
+"""Several axes from one file: the gap of a tunable filter; a second axis that leaks into this one."""
+
+from __future__ import annotations
+
+import numpy as np
+from harness import MODEL, REPOSITORY, model_file
+from sensor_msgs.msg import JointState
+
+MOTIONS = ["piston", "tip", "tilt"]
+
+
+def test_three_axes_set_a_gap(probe, start):
+    file = REPOSITORY / "config" / "tunable_filter.yaml"
+    axes = ("/axis1", "/axis2", "/axis3")
+    for axis in axes:
+        start("compensator", file, namespace=axis)
+        start("simulated_pea", file, namespace=axis)
+    start("gap_command", file)
+    start("gap_monitor", file)
+    gaps = probe.record("gap", JointState)
+    publisher = probe.publisher("desired_gap", JointState)
+    probe.until(lambda: gaps, "the gap", 40.0)
+    for axis in axes:
+        probe.until(lambda axis=axis: probe.node.count_subscribers(f"{axis}/desired_position"), "axes", 40.0)
+    orders = [probe.get(f"{axis}/compensator", "model.creep_order") for axis in axes]
+    assert orders == [0.015, 0.016, 0.014]
+
+    def reached(wanted: np.ndarray) -> bool:
+        publisher.publish(JointState(name=MOTIONS, position=wanted.tolist()))
+        found = np.array(gaps[-1][1].position)
+        return bool(np.all(np.abs(found - wanted) < [5e-9, 2e-6, 2e-6]))
+
+    for wanted in (np.array([0.5e-6, 0.0, 0.0]), np.array([-0.3e-6, 30e-6, -20e-6]), np.zeros(3)):
+        probe.until(lambda wanted=wanted: reached(wanted), f"gap {wanted}")
+    # What cannot be is refused, and the gap stays.
+    probe.publisher("desired_gap", JointState).publish(JointState(name=["piston"], position=[1e-6]))
+    assert not probe.set_one("/gap_command", "geometry", [1.0] * 9).successful
+    assert not probe.set_one("/gap_command", "geometry", [1.0] * 8).successful
+    probe.until(lambda: probe.diagnostics.get("/gap_command", {}).get("refused_messages") == "1", "refusal")
+    assert reached(np.zeros(3))
+
+
+def test_second_axis_is_compensated_where_the_model_has_it(tmp_path, probe, start):
+    leaky = MODEL | {"effects": ["cross_axis"], "cross_axis": {"gain": 0.1}}
+    start("compensator", model_file(tmp_path / "leaky.yaml", leaky), rate_hz=200.0)
+    heard = probe.record("voltage")
+    publisher, cross = probe.publisher("desired_position"), probe.publisher("cross_position")
+    probe.drive(cross, lambda t: 10e-6, 0.3)
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    # 0.1 of the other axis's 10 um is already there: nothing is left to do.
+    assert abs(heard[-1][1].data) < 1e-9
+    probe.drive(cross, lambda t: 0.0, 0.3)
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    assert heard[-1][1].data > 0.3
