@@ -42,9 +42,9 @@ def _forward_plain(packed: Array, at_creep: int, voltage_v: Array, steps_s: Arra
 
 def _forward_beside_plain(packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array,
                           out: Array) -> None:  # fmt: skip
-    chain = PlainChain(packed, at_creep)
-    rows = zip(voltage_v.tolist(), beside_um.tolist(), steps_s.tolist(), strict=True)
-    out[:] = [chain.integrate(chain.move_plays(v) + added, dt) for v, added, dt in rows]
+    step = PlainChain(packed, at_creep).forward
+    rows = zip(voltage_v.tolist(), steps_s.tolist(), beside_um.tolist(), strict=True)
+    out[:] = [step(v, dt, added) for v, dt, added in rows]
 
 
 def _inverse_plain(packed: Array, at_creep: int, desired_um: Array, steps_s: Array, out: Array) -> None:

@@ -53,17 +53,17 @@ class ModelState:
     packed: Array
     effects: dict[str, Array] = field(default_factory=dict)
     last_input: float = 0.0
+    _chain: PlainChain | None = field(default=None, init=False, repr=False, compare=False)
 
     def plain_chain(self, at_creep: int) -> PlainChain:
-        """Return the stepper for plain Python on this state, made at its first use."""
-        chain: PlainChain | None = self.__dict__.get("_plain_chain")
-        if chain is None or chain.packed is not self.packed:
-            chain = self.__dict__["_plain_chain"] = PlainChain(self.packed, at_creep)
-        return chain
+        """Return the steppers for plain Python on this state, made at their first use."""
+        if self._chain is None or self._chain.packed is not self.packed:
+            self._chain = PlainChain(self.packed, at_creep)
+        return self._chain
 
     def __getstate__(self) -> dict[str, Any]:
         # Views do not stay views of the state when they are pickled beside it.
-        return {name: value for name, value in self.__dict__.items() if name != "_plain_chain"}
+        return {**self.__dict__, "_chain": None}
 
     def copy(self) -> ModelState:
         """Return an independent copy."""

@@ -352,10 +352,9 @@ def test_initial_state_is_what_its_prehistory_leaves():
     effect = InitialState(extreme_v=2.0, resting_v=-0.3, held_s=3.0, resting_s=10.0)
     steps_s, voltage_v, _ = record(0.0)
     found = MODEL.with_effects(effect).simulate(steps_s, voltage_v)
-    # the same prehistory on a fine uniform grid: 0.1 s ramps and the two holds
-    fine = 1e-3
-    before = np.concatenate((np.linspace(0.02, 2.0, 100), np.full(3000, 2.0), np.linspace(2.0 - 0.023, -0.3, 100),
-                             np.full(10_000, -0.3)))  # fmt: skip
+    # the same prehistory on a fine uniform grid: two ramps of 0.2 s and the two holds
+    up, down = np.linspace(0.01, 2.0, 200), np.linspace(2.0 - 0.0115, -0.3, 200)
+    fine, before = 1e-3, np.concatenate((up, np.full(3000, 2.0), down, np.full(10_000, -0.3)))
     bystander = MODEL.with_effects(GainDrift(per_s=0.0))  # so that large steps are divided in both
     wanted = bystander.simulate(
         np.concatenate((np.full(before.size, fine), steps_s)), np.concatenate((before, voltage_v))
