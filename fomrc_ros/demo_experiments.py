@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from fomrc_core.errors import FomrcError
-from fomrc_ros.conversions import m_to_um, um_to_m
+from fomrc_ros.conversions import m_to_um, stamp_s, um_to_m
 from fomrc_ros.qualities import COMMAND, RECORDED_MEASUREMENT
 
 Array = NDArray[np.float64]
@@ -36,11 +37,19 @@ class Target:
 
 @dataclass(frozen=True)
 class Response:
-    """How the stage answered: desired and measured displacement [um] at the times of measurement [s]."""
+    """How the stage answered.
+
+    Attributes:
+        time_s: times of measurement, by the stage's stamps [s].
+        desired_um: desired displacement at these times [um].
+        measured_um: measured displacement [um].
+        largest_gap_s: longest time the target or the stage stood still because the machine was busy [s].
+    """
 
     time_s: Array
     desired_um: Array
     measured_um: Array
+    largest_gap_s: float
 
     @property
     def nrmse_percent(self) -> float:
@@ -105,7 +114,7 @@ class Driver(Node):
         self._seen: dict[str, list[tuple[float, float]]] = {COMPENSATED: [], UNCOMPENSATED: []}
         for axis, seen in self._seen.items():
             self.create_subscription(
-                Float64, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT
+                JointState, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT
             )
         self._sent: list[tuple[float, float]] = []
         self._target: Array | None = None
@@ -152,15 +161,20 @@ class Driver(Node):
             raise FomrcError(f"only {len(seen)} displacements of {axis} for {len(sent)} targets")
         inside = (seen[:, 0] >= sent[0, 0]) & (seen[:, 0] <= sent[-1, 0])
         time_s, measured_um = seen[inside, 0], seen[inside, 1]
-        return Response(time_s - sent[0, 0], np.interp(time_s, sent[:, 0], sent[:, 1]), measured_um)
+        gap_s = max(float(np.max(np.diff(sent[:, 0]))), float(np.max(np.diff(time_s))))
+        return Response(time_s - sent[0, 0], np.interp(time_s, sent[:, 0], sent[:, 1]), measured_um, gap_s)
 
-    def _recorder(self, seen: list[tuple[float, float]]) -> Callable[[Float64], None]:
-        return lambda message: seen.append((time.perf_counter(), m_to_um(message.data)))
+    def _recorder(self, seen: list[tuple[float, float]]) -> Callable[[JointState], None]:
+        # By the stage's own stamps: when this process gets to read a message says nothing about the stage.
+        return lambda message: seen.append((stamp_s(message.header.stamp), m_to_um(message.position[0])))
+
+    def _now_s(self) -> float:
+        return 1e-9 * float(self.get_clock().now().nanoseconds)
 
     def _tick(self) -> None:
         if self._target is not None:
             self._last_um = float(self._target[self._next])
-            self._sent.append((time.perf_counter(), self._last_um))
+            self._sent.append((self._now_s(), self._last_um))
             self._next += 1
             if self._next % 50 == 0:
                 self._on_progress(self._next / self._target.size)

@@ -64,6 +64,11 @@ class NodeProcess:
         """Whether the process runs."""
         return self._process.poll() is None
 
+    @property
+    def pid(self) -> int:
+        """Process number."""
+        return self._process.pid
+
     def stop(self) -> int:
         """End the process; return its exit status."""
         if self.is_running:
