@@ -18,20 +18,20 @@ from fomrc_core.base_fit import centred, choose_starts, fit_base, record_columns
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.columns import ColumnKinds
 from fomrc_core.elements import merged, non_negative_weights, split
-from fomrc_core.errors import ParameterError, RecordingError
+from fomrc_core.errors import ParameterError
 from fomrc_core.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.model import PiezoModel
 from fomrc_core.noise import noise_floor
 from fomrc_core.polish import Polished, Starts, play_form_response, polish
 from fomrc_core.recording import Recording
 from fomrc_core.residual import rms
+from fomrc_core.usability import check_usable
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 N_GRID = 48
 AUTO_COUNTS = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 32, 40)
-_MIN_SAMPLES = 100
 _WORTH_ADDING = 0.01  # relative gain of the held-out error that justifies more elements
 _NOISE_REACHED = 1.2
 
@@ -91,7 +91,7 @@ def identify(recordings: Recording | Sequence[Recording], *, n_elements: int | s
         progress: called with the share done and what is being done.
 
     Raises:
-        RecordingError: a record that is too short, does not move or has no displacement.
+        RecordingError: a record nothing can be learnt from, see ``usability.check_usable``.
         ParameterError: an unknown method or number of elements.
     """
     tell = progress or (lambda _share, _text: None)
@@ -122,22 +122,6 @@ def identify(recordings: Recording | Sequence[Recording], *, n_elements: int | s
         best = _polished(dense, order, n_elements, records, starts)
     tell(0.95, "error and uncertainty")
     return _result(best, records, starts, given, test)
-
-
-def check_usable(recordings: Sequence[Recording]) -> None:
-    """Raise RecordingError for a record nothing can be learnt from."""
-    if not recordings:
-        raise RecordingError("no recording given", where="recordings", allowed="one or more")
-    for record in recordings:
-        if record.n_samples < _MIN_SAMPLES:
-            raise RecordingError("record is too short", where=record.name, value=record.n_samples,
-                                 allowed=f"{_MIN_SAMPLES} samples or more")  # fmt: skip
-        if float(np.ptp(record.voltage_v)) == 0.0:
-            raise RecordingError("voltage is constant", where=f"{record.name}: voltage_v",
-                                 value=float(record.voltage_v[0]), allowed="a voltage that moves")  # fmt: skip
-        if float(np.ptp(record.measured_um)) == 0.0:
-            raise RecordingError("displacement is constant", where=f"{record.name}: displacement_um",
-                                 value=float(record.measured_um[0]), allowed="a displacement that moves")  # fmt: skip
 
 
 def _dense_form(records: tuple[PreparedRecord, ...], starts: Starts) -> tuple[OperatorSum, float]:
