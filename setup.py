@@ -1,8 +1,21 @@
-from glob import glob
+import os
 
 from setuptools import find_packages, setup
 
 package_name = "fomrc_ros"
+
+
+def shared(folder):
+    """Return the files of a folder and its subfolders, as they are to lie in the share folder."""
+    for path, _, files in sorted(os.walk(folder)):
+        kept = sorted(
+            os.path.join(path, name)
+            for name in files
+            if not name.startswith(".") and not name.endswith(".pyc")
+        )
+        if kept:
+            yield f"share/{package_name}/{path}", kept
+
 
 extras = {
     # A ROS installation brings its own rclpy; these wheels are for machines without one
@@ -48,8 +61,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
-        (f"share/{package_name}/config", sorted(glob("config/*"))),
-        (f"share/{package_name}/launch", sorted(glob("launch/*.launch.*"))),
+        *shared("config"),
+        *shared("launch"),
     ],
     zip_safe=False,
     entry_points={
