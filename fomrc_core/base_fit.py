@@ -11,6 +11,7 @@ from fomrc_core.chain import Chain, PreparedRecord, fit_modes, predict
 from fomrc_core.columns import ColumnKinds, creep_columns
 from fomrc_core.effects import Stage
 from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.elements import signed_weights
 from fomrc_core.errors import RecordingError
 
 Array = NDArray[np.float64]
@@ -183,6 +184,34 @@ def fit_base(records: tuple[PreparedRecord, ...], columns: ColumnKinds,
     left = residuals(chain, records)
     chain = moved(chain, np.append(space.solve(records, left)[:-1], 0.0))
     return chain, space, squared_error(records, residuals(chain, records))
+
+
+def rebased(chain: Chain, records: tuple[PreparedRecord, ...]) -> Chain:
+    """Return the chain with its plays chosen anew from its grid: those that get weight when none may be negative.
+
+    Weights of either sign on the whole grid can imitate a lag with hysteresis no ceramic has, so the physical sign
+    is asked for here; a refit may then move the weights of what was chosen freely.
+    """
+    if chain.grid_v is None:
+        return chain
+    kneed = np.isfinite(chain.columns.knees_v)
+    knees = ColumnKinds(chain.columns.thresholds_v[kneed], chain.columns.knees_v[kneed], chain.columns.kinds[kneed])
+    columns = ColumnKinds.plays(chain.grid_v).joined(knees)
+    n_grid, n = chain.grid_v.size, columns.thresholds_v.size
+    full = replace(chain, columns=columns, weights=np.zeros(n))
+    gram, moment = np.zeros((n, n)), np.zeros(n)
+    for index, (record, left) in enumerate(zip(records, residuals(chain, records), strict=True)):
+        here = centred(record_columns(full, record, index), record.is_used)
+        target = left + centred(record_columns(chain, record, index), record.is_used) @ chain.weights
+        gram += product(here, here, record.is_used)
+        moment += product(here, target, record.is_used)
+    is_positive = np.arange(n) < n_grid
+    weights = signed_weights(gram, moment, is_positive)
+    active = weights[:n_grid] > 1e-9 * float(np.max(weights[:n_grid]))
+    active[0] = True
+    chosen = np.concatenate((active, np.ones(n - n_grid, dtype=np.bool_)))
+    chosen_columns = ColumnKinds(columns.thresholds_v[chosen], columns.knees_v[chosen], columns.kinds[chosen])
+    return replace(chain, columns=chosen_columns, weights=weights[chosen])
 
 
 def _damped(change: Array) -> Array:

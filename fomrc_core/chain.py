@@ -82,6 +82,7 @@ class Chain:
         creep_order: alpha [1].
         effects: effects of the actuator, the same in every record.
         record_effects: effects that belong to one record, a tuple for each record.
+        grid_v: thresholds the plays may be chosen from [V], zero first; those of the columns where not given.
     """
 
     columns: ColumnKinds
@@ -89,6 +90,7 @@ class Chain:
     creep_order: float
     effects: tuple[Effect, ...] = ()
     record_effects: tuple[tuple[Effect, ...], ...] = ()
+    grid_v: Array | None = None
 
     @property
     def has_knees(self) -> bool:

@@ -16,7 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.base_fit import centred, choose_starts, fit_base, residuals, threshold_grid
+from fomrc_core.base_fit import centred, choose_starts, fit_base, rebased, residuals, threshold_grid
 from fomrc_core.bench import Bench, HeldOut, held_residuals, lay_out
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.columns import ColumnKinds
@@ -30,6 +30,7 @@ from fomrc_core.model import PiezoModel
 from fomrc_core.next_experiment import propose
 from fomrc_core.noise import NoiseFloor, noise_floor
 from fomrc_core.recording import Recording
+from fomrc_core.refit import refit
 from fomrc_core.residual import rms
 from fomrc_core.search import SearchResult, Step, search
 
@@ -168,7 +169,8 @@ def _base(bench: Bench, n_thresholds: int) -> Chain:
     columns = ColumnKinds.plays(threshold_grid(bench.train, n_thresholds))
     chain, _, _ = fit_base(bench.train, columns, choose_starts(bench.train))
     extra = tuple(() for _ in range(bench.n_records - len(bench.train)))
-    return replace(chain, record_effects=(*chain.record_effects, *extra))
+    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=columns.thresholds_v)
+    return refit(rebased(chain, bench.train), bench.train, n_iterations=3).chain
 
 
 def _result(bench: Bench, noise: NoiseFloor, base: Chain, found: SearchResult, first: Step | None,

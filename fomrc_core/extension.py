@@ -12,7 +12,7 @@ from fomrc_core.bench import Bench
 from fomrc_core.chain import Chain, predict
 from fomrc_core.effects import Effect
 from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.elements import non_negative_weights
+from fomrc_core.elements import signed_weights
 from fomrc_core.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.model import PiezoModel
 
@@ -39,16 +39,14 @@ def extend(chain: Chain, bench: Bench) -> Extension:
     as found.
     """
     plain = ~np.isfinite(chain.columns.knees_v)
-    n = int(np.count_nonzero(plain))
+    n = chain.weights.size
     gram, moment = np.zeros((n, n)), np.zeros(n)
     for index, record in enumerate(bench.train):
-        columns = centred(record_columns(chain, record, index), record.is_used)[:, plain]
-        target = centred(record.measured_um - predict(chain, record, index), record.is_used)
-        target = target + columns @ chain.weights[plain]
-        gram += product(columns, np.where(record.is_used[:, None], columns, 0.0), record.is_used)
+        columns = centred(record_columns(chain, record, index), record.is_used)
+        target = centred(record.measured_um - predict(chain, record, index), record.is_used) + columns @ chain.weights
+        gram += product(columns, columns, record.is_used)
         moment += product(columns, target, record.is_used)
-    weights = chain.weights.copy()
-    weights[plain] = non_negative_weights(gram, moment)
+    weights = signed_weights(gram, moment, plain)
     thresholds = chain.columns.thresholds_v
     is_slope = plain & (thresholds == 0.0)
     if not float(np.sum(weights[is_slope])) > 0.0:

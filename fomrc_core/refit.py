@@ -161,8 +161,7 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
     coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
-    left = residuals(chain, records)
-    error = squared_error(records, left)
+    chain, left, error = _linear_part_first(chain, records, space)
     damping, is_converged = 1e-3, False
     projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
     for _ in range(n_iterations):
@@ -201,6 +200,26 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
             is_converged = True
             break
     return Refit(chain, error, free, projected, left, is_converged)
+
+
+def _linear_part_first(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent) -> tuple[Chain, tuple[Array, ...], float]:
+    """Return the chain with its linear part moved to where the effects are, its residual and error."""
+    left = residuals(chain, records)
+    error = squared_error(records, left)
+    for _ in range(2):
+        trial = moved(chain, space.solve(records, left))
+        try:
+            trial_left = residuals(trial, records)
+        except ParameterError:
+            break
+        trial_error = squared_error(records, trial_left)
+        if not trial_error < error:
+            break
+        is_done = trial_error > 0.99 * error
+        chain, left, error = trial, trial_left, trial_error
+        if is_done:
+            break
+    return chain, left, error
 
 
 def _removed(space: Tangent, records: tuple[PreparedRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:

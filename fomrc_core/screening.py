@@ -6,13 +6,12 @@ part could explain of it, is compared with the residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.base_fit import Tangent, centred, squared_error, whitening_of
+from fomrc_core.base_fit import Tangent, centred, record_columns, squared_error, tangent, whitening_of
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.columns import ColumnKinds
 from fomrc_core.effects import Effect, Stage, effect_classes
@@ -34,6 +33,8 @@ class Screened:
         explained: part of the sum of squares its signature explains [um^2].
         signature_power: sum of squares of the signature, linear part removed [um^2].
         amplitude: by which factor the instance's size explains it.
+        explained_held: the same as ``explained`` on the held-out record, the linear part moved as the training
+            records ask; 0 without one. What the base absorbed in training shows there.
     """
 
     effect: Effect
@@ -41,11 +42,51 @@ class Screened:
     explained: float
     signature_power: float
     amplitude: float
+    explained_held: float = 0.0
 
     @property
     def cause(self) -> str:
         """Name of the cause."""
         return self.effect.name
+
+
+@dataclass(frozen=True, eq=False)
+class HeldView:
+    """The held-out record under the present model.
+
+    Attributes:
+        record: the record.
+        index: its number among all records.
+        plain: predicted displacement [um], shape (n_samples,).
+        columns: directions of the linear part [um], offset removed, shape (n_samples, n_columns + 1).
+        left: residual, offset removed [um], shape (n_samples,).
+    """
+
+    record: PreparedRecord
+    index: int
+    plain: Array
+    columns: Array
+    left: Array
+
+    @classmethod
+    def of(cls, chain: Chain, record: PreparedRecord, index: int) -> HeldView:
+        """Return the view of a record."""
+        alone = replace(chain, record_effects=(chain.record_effects[index],))
+        columns = tangent(alone, (record,)).columns[0]
+        plain = predict(chain, record, index, is_coarse=True)
+        return cls(record, index, plain, columns, centred(record.measured_um - predict(chain, record, index), record.is_used))
+
+    def explained(self, chain: Chain, effect: Effect, coefficients: Array, takes_either_sign: bool) -> float:
+        """Return what the instance explains of the residual here [um^2], the linear part moved as in training."""
+        try:
+            shape = centred(signature(chain, self.record, self.index, effect, self.plain), self.record.is_used)
+        except ParameterError:
+            return 0.0
+        shape = (shape - self.columns @ coefficients)[self.record.is_used]
+        power, product = float(np.dot(shape, shape)), float(np.dot(shape, self.left[self.record.is_used]))
+        if not power > 0.0 or not (takes_either_sign or product > 0.0):
+            return 0.0
+        return product**2 / power
 
 
 def evidence_of(chain: Chain, records: tuple[PreparedRecord, ...], left: tuple[Array, ...], noise_um: float) -> Evidence:
@@ -61,7 +102,7 @@ def evidence_of(chain: Chain, records: tuple[PreparedRecord, ...], left: tuple[A
 
 
 def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, left: tuple[Array, ...], noise_um: float,
-           causes: tuple[str, ...], progress: Callable[[float], None] = lambda _: None) -> list[Screened]:  # fmt: skip
+           causes: tuple[str, ...], held: HeldView | None = None) -> list[Screened]:  # fmt: skip
     """Return every trial instance with what it explains, best first.
 
     Args:
@@ -71,15 +112,14 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
         left: residual per record [um].
         noise_um: noise floor [um].
         causes: names to try.
-        progress: called with the share done.
+        held: the held-out record, where there is one.
     """
     clear = space.remove(records, left)
     evidence = evidence_of(chain, records, left, noise_um)
     plain = tuple(predict(chain, r, i, is_coarse=True) for i, r in enumerate(records))
     found: list[Screened] = []
-    for number, name in enumerate(causes):
+    for name in causes:
         kind = effect_classes()[name]
-        progress(number / len(causes))
         if kind is MissingHysteresis:
             continue
         if kind is AsymmetricHysteresis:
@@ -90,7 +130,7 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
                     found += _screen_one(chain, records, space, clear, plain, effect, i)
         else:
             for effect in kind.screening(evidence):
-                found += _screen_one(chain, records, space, clear, plain, effect, None)
+                found += _screen_one(chain, records, space, clear, plain, effect, None, held)
     return sorted(found, key=lambda screened: -screened.explained)
 
 
@@ -112,7 +152,8 @@ def signature(chain: Chain, record: PreparedRecord, index: int, effect: Effect, 
 
 
 def _screen_one(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, clear: tuple[Array, ...],
-                plain: tuple[Array, ...], effect: Effect, index: int | None) -> list[Screened]:  # fmt: skip
+                plain: tuple[Array, ...], effect: Effect, index: int | None,
+                held: HeldView | None = None) -> list[Screened]:  # fmt: skip
     try:
         parts = tuple(
             centred(signature(chain, r, i, effect, p), r.is_used) if index in (None, i) else np.zeros(r.time_s.size)
@@ -120,7 +161,8 @@ def _screen_one(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangen
         )
     except ParameterError:
         return []
-    parts = space.remove(records, parts)
+    coefficients = space.solve(records, parts)
+    parts = tuple(p - c @ coefficients for p, c in zip(parts, space.columns, strict=True))
     power = squared_error(records, parts)
     if not np.isfinite(power) or power <= 0.0:
         return []
@@ -128,7 +170,8 @@ def _screen_one(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangen
     main = next(spec for spec in effect.parameters if spec.name == effect.main_parameter)
     takes_either_sign = main.name in effect.linear_parameters and main.lower < 0.0
     explained = product**2 / power if takes_either_sign or product > 0.0 else 0.0
-    return [Screened(effect, index, explained, power, product / power)]
+    explained_held = 0.0 if held is None else held.explained(chain, effect, coefficients, takes_either_sign)
+    return [Screened(effect, index, explained, power, product / power, explained_held)]
 
 
 def family_columns(chain: Chain, effect: AsymmetricHysteresis) -> ColumnKinds:
@@ -140,8 +183,6 @@ def family_columns(chain: Chain, effect: AsymmetricHysteresis) -> ColumnKinds:
 def _screen_family(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, clear: tuple[Array, ...],
                    effect: Effect) -> Screened:  # fmt: skip
     assert isinstance(effect, AsymmetricHysteresis)
-    from fomrc_core.base_fit import record_columns
-
     thresholds = np.array(effect.thresholds_v)
     only = ColumnKinds(thresholds, np.array(effect.knees_v), np.zeros(thresholds.size, dtype=np.int64))
     family = Chain(only, np.zeros(thresholds.size), chain.creep_order, chain.effects, chain.record_effects)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.acceptance import HeldOutScore, held_out_score, loses_to
-from fomrc_core.base_fit import Tangent, residuals, squared_error, tangent
+from fomrc_core.acceptance import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score, loses_to
+from fomrc_core.base_fit import Tangent, rebased, residuals, squared_error, tangent
 from fomrc_core.bench import Bench, HeldOut, held_blocks, held_residuals, learned_blocks, starts_unsure, with_own
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.effects import Effect, effect_classes
@@ -19,18 +19,21 @@ from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.noise import autocorrelation_inflation
 from fomrc_core.refit import FreeParameter, Refit, free_parameters, refit, scan
-from fomrc_core.screening import Screened, family_columns, is_bound, screen
+from fomrc_core.screening import HeldView, Screened, family_columns, is_bound, screen
 
 Array = NDArray[np.float64]
 
 MAX_FINDINGS = 5
-_MAX_CONTENDERS = 6
+_MAX_CONTENDERS = 5
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
 _CLOSE_TO_BEST = 0.2
 _SIGNIFICANCE = 0.01
 _TIE = 10.0
 _TIE_P_VALUE = 0.05
 _SURE = 3.0
+_TRAINING_COUNTS = 0.3
+_MAX_STARTS = 12
+_PRUNED = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +58,9 @@ class Contender:
 
     @property
     def total_gain(self) -> float:
-        """Training and held-out gain together: with two effects hidden, neither alone need help held-out data."""
-        return self.train_log_gain + max(self.score.log_gain, -0.5)
+        """Held-out gain first, for a rich cause fits anything in training; training gain beside it, for with two
+        effects hidden neither alone need help held-out data."""
+        return max(self.score.log_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +107,7 @@ def search(start: Chain, bench: Bench, causes: tuple[str, ...], tell: Tell, exec
     """
     chain = start
     steps: list[Step] = []
+    tried: set[str] = set()
     runner_up: Contender | None = None
     final = refit(chain, bench.train, n_iterations=2)
     chain = final.chain
@@ -112,9 +117,8 @@ def search(start: Chain, bench: Bench, causes: tuple[str, ...], tell: Tell, exec
         tell(share, f"screening, {number} causes so far")
         space = tangent(chain, bench.train)
         left = residuals(chain, bench.train)
-        present = {step.accepted.cause for step in steps}
-        wanted = tuple(name for name in causes if name not in present)
-        screened = tuple(screen(chain, bench.train, space, left, bench.noise_um, wanted))
+        wanted = tuple(name for name in causes if name not in tried)
+        screened = tuple(screen(chain, bench.train, space, left, bench.noise_um, wanted, _held_view(chain, bench)))
         if number == MAX_FINDINGS:
             break
         tell(share + 0.05, "refit of the likely causes")
@@ -124,12 +128,14 @@ def search(start: Chain, bench: Bench, causes: tuple[str, ...], tell: Tell, exec
             pair = _second_of_pair(chain, contenders[0], bench, wanted, executor)
             if pair is not None and _is_accepted(pair[1], len(causes)):
                 first, second = pair
+                tried.add(first.cause)
                 steps.append(Step(chain, replace(first, score=second.score), (), ()))
                 chain, accepted = first.fitted.chain, second
         if accepted is None:
             runner_up = contenders[0] if contenders else None
             break
         tied = _tied(accepted, contenders, bench)
+        tried.add(accepted.cause)
         steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied)))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         final = settle(accepted.fitted.chain, bench)
@@ -140,8 +146,8 @@ def search(start: Chain, bench: Bench, causes: tuple[str, ...], tell: Tell, exec
 
 def settle(chain: Chain, bench: Bench) -> Refit:
     """Return the joint refit with fresh directions, until it moves no more."""
-    fitted = refit(chain, bench.train)
-    return refit(fitted.chain, bench.train, n_iterations=6)
+    fitted = refit(rebased(chain, bench.train), bench.train)
+    return refit(rebased(fitted.chain, bench.train), bench.train, n_iterations=8)
 
 
 def _is_accepted(contender: Contender, n_causes: int) -> bool:
@@ -153,18 +159,35 @@ def _contenders(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array, .
     error = squared_error(bench.train, left)
     inflation = max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(left, bench.train, strict=True))
     variance = error / bench.n_used
-    sure = [s for s in screened if s.explained > _MIN_SCREENED * variance * min(inflation, 200.0)]
+    limit = _MIN_SCREENED * variance * min(inflation, 200.0)
     by_cause: dict[str, list[Screened]] = {}
-    for trial in sure:
-        by_cause.setdefault(trial.cause, []).append(trial)
+    for trial in screened:
+        if max(trial.explained, trial.explained_held) > limit:
+            by_cause.setdefault(trial.cause, []).append(trial)
     if not by_cause:
         return []
-    best = sure[0].explained
-    likely = [name for name, trials in by_cause.items() if trials[0].explained > _CLOSE_TO_BEST * best]
-    tasks = [(chain, bench, space, by_cause[name], error) for name in likely[:_MAX_CONTENDERS]]
+    likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
+    held = {name: max(t.explained_held for t in trials) for name, trials in by_cause.items()}
+    likely += [name for name in _likely(held) if name not in likely]
+    for name in likely:
+        # what the base absorbs in training is told apart on the held-out record
+        by_cause[name].sort(key=lambda t: -(t.explained / error + t.explained_held / max(held.values(), default=1.0)
+                                            if max(held.values()) > 0.0 else t.explained))  # fmt: skip
+    tasks = [(chain, bench, space, by_cause[name], error) for name in likely]
     run = map if executor is None else executor.map
     found = [c for c in run(_fit_contender, tasks) if c is not None]
     return sorted(found, key=lambda c: -c.total_gain)
+
+
+def _likely(explained: dict[str, float]) -> list[str]:
+    best = max(explained.values())
+    names = [name for name, value in explained.items() if value > _CLOSE_TO_BEST * best and value > 0.0]
+    return sorted(names, key=lambda name: -explained[name])[:_MAX_CONTENDERS]
+
+
+def _held_view(chain: Chain, bench: Bench) -> HeldView | None:
+    own = [part for part in bench.held if part.index >= len(bench.train)]
+    return HeldView.of(chain, own[0].record, own[0].index) if own else None
 
 
 def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) -> Contender | None:
@@ -172,27 +195,32 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     cause = trials[0].cause
     kind = effect_classes()[cause]
     bound = is_bound(kind, bench.train)
-    starts = _starts(chain, trials, bound)
-    if kind.is_scanned:
-        starts = [_scanned(start, bench, space, trial) for start, trial in zip(starts, trials, strict=False)]
     fits = []
-    for start in starts:
-        is_family = start.weights.size != chain.weights.size
-        fits.append(refit(start, bench.train, None if is_family else space, n_iterations=8))
-    for start in _other_starts(starts, bench):
-        fits.append(refit(start, bench.train, n_iterations=8))
+    for variant, directions in _variants(chain, bench, space):
+        starts = _starts(variant, trials, bound, bench, directions)
+        if kind.is_scanned:
+            starts = [_scanned(start, bench, directions, trial) for start, trial in zip(starts, trials, strict=False)]
+        for start in starts:
+            # a family of columns and a large effect turn the directions of the linear part: take them anew
+            is_new = start.weights.size != chain.weights.size or _clear_error(start, bench, directions) > 2.0 * error
+            fits.append(refit(start, bench.train, None if is_new else directions, n_iterations=8))
     if not fits:
         return None
     best = min(fits, key=lambda f: f.squared_error)
-    if best.squared_error < 0.5 * error and chain.weights.size == best.chain.weights.size:
-        # a large effect turns the directions of the linear part: take them again
-        best = refit(best.chain, bench.train, n_iterations=6)
+    if best.squared_error < 0.5 * error or not best.is_converged:
+        again = refit(rebased(best.chain, bench.train), bench.train, n_iterations=8)
+        best = again if again.squared_error < best.squared_error else best
     before, after, fitted = _held_pair(chain, best, bench, cause, bound)
-    n_free = len(free_parameters(fitted.chain)) - len(free_parameters(chain)) + fitted.chain.weights.size - chain.weights.size
+    n_free = len(free_parameters(fitted.chain)) - len(free_parameters(chain))
     return Contender(cause, fitted, held_out_score(before, after), math.log(error / fitted.squared_error), tuple(after), n_free)
 
 
-def _starts(chain: Chain, trials: list[Screened], bound: bool) -> list[Chain]:
+def _clear_error(start: Chain, bench: Bench, space: Tangent) -> float:
+    """Return the squared error of a start once its linear part has followed [um^2]."""
+    return squared_error(bench.train, space.remove(bench.train, residuals(start, bench.train)))
+
+
+def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, space: Tangent) -> list[Chain]:
     if isinstance(trials[0].effect, AsymmetricHysteresis):
         columns = family_columns(chain, trials[0].effect)
         added = columns.thresholds_v.size - chain.weights.size
@@ -206,7 +234,11 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool) -> list[Chain]:
                 joined = joined.with_effect(_sized(trial), trial.index)
                 seen.add(trial.index)
         return [joined]
-    return [chain.with_effect(_sized(trial)) for trial in trials[:2]]
+    if type(trials[0].effect).is_scanned:
+        return [chain.with_effect(trial.effect) for trial in trials[:2]]
+    # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
+    options = [chain.with_effect(_sized(trial)) for trial in trials[:_MAX_STARTS]]
+    return sorted(options, key=lambda option: _clear_error(option, bench, space))[:2]
 
 
 def _scanned(start: Chain, bench: Bench, space: Tangent, trial: Screened) -> Chain:
@@ -225,19 +257,17 @@ def _sized(trial: Screened) -> Effect:
     return replace(effect, **changes) if changes else effect
 
 
-def _other_starts(starts: list[Chain], bench: Bench) -> list[Chain]:
-    """Return the first start with the other assumption on how records of unsure start begin."""
+def _variants(chain: Chain, bench: Bench, space: Tangent) -> list[tuple[Chain, Tangent]]:
+    """Return the chain, and the chain with the other assumption on how records of unsure start begin."""
     unsure = [i for i, r in enumerate(bench.train) if starts_unsure(r)]
-    if not unsure or not starts:
-        return []
-    flipped = starts[0]
+    flipped = chain
     for i in unsure:
         own = flipped.record_effects[i]
-        others = tuple(e for e in own if not isinstance(e, InitialState))
         if any(isinstance(e, InitialState) and e.free_names() for e in own):
-            return []
+            return [(chain, space)]
+        others = tuple(e for e in own if not isinstance(e, InitialState))
         flipped = with_own(flipped, i, others if len(others) < len(own) else (*others, bench.train[i].at_rest()))
-    return [flipped]
+    return [(chain, space)] + ([(flipped, tangent(flipped, bench.train))] if unsure else [])
 
 
 def _held_pair(chain: Chain, fitted: Refit, bench: Bench, cause: str, bound: bool) -> tuple[list[Array], list[Array], Refit]:
@@ -315,13 +345,13 @@ def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[
 def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[str, ...],
                     executor: Executor | None) -> tuple[Contender, Contender] | None:  # fmt: skip
     """Return a first contender and a second one that together gain on held-out data, where one alone does not."""
-    if first.train_log_gain < 0.08:
+    if first.train_log_gain < WORTHWHILE_LOG_GAIN or first.score.log_gain < -WORTHWHILE_LOG_GAIN:
         return None
     base = first.fitted.chain
     space = tangent(base, bench.train)
     left = residuals(base, bench.train)
     wanted = tuple(name for name in causes if name != first.cause)
-    screened = tuple(screen(base, bench.train, space, left, bench.noise_um, wanted))
+    screened = tuple(screen(base, bench.train, space, left, bench.noise_um, wanted, _held_view(base, bench)))
     seconds = _contenders(base, bench, space, left, screened, executor)
     if not seconds:
         return None
@@ -340,7 +370,8 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tupl
         lesser = refit(chain.without(name), bench.train, n_iterations=6)
         train_gain = math.log(lesser.squared_error / final.squared_error)
         held_gain = held_out_score(held_residuals(lesser.chain, bench.held), held_residuals(chain, bench.held)).log_gain
-        if train_gain < 0.03 and held_gain < 0.03:
+        is_own = any(e.name == name for own in chain.record_effects for e in own)
+        if held_gain < _PRUNED and (train_gain < _PRUNED or not is_own):
             steps = [s for s in steps if s is not step]
             final = settle(lesser.chain, bench)
             chain = follow_held(final.chain, bench)
@@ -352,7 +383,8 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tupl
             if p.effect_name == name and p.spec.name == effect_classes()[name].main_parameter and not p.spec.is_log:
                 error = errors.get((p.effect_name, p.index, p.spec.name), 0.0)
                 ratios.append(abs(p.get(chain)) / error if error > 0.0 else math.inf)
-        if ratios and max(ratios) < _SURE:
+        # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
+        if ratios and max(ratios) < _SURE and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
             steps = [s for s in steps if s is not step]
             final = settle(chain.without(name), bench)
             chain = follow_held(final.chain, bench)
