@@ -24,7 +24,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gamma
 
 from fomrc_core.compiled import compiled, compiled_inline, compiled_sums
 from fomrc_core.creep_nodes import (
@@ -77,7 +76,7 @@ def creep_block(modes: CreepModes) -> Array:
     block[N_MODES] = n_modes
     block[FEEDTHROUGH] = modes.feedthrough
     block[ORDER] = modes.order
-    block[INVERSE_GAMMA] = 1.0 / gamma(modes.order + 2.0)
+    block[INVERSE_GAMMA] = 1.0 / math.gamma(modes.order + 2.0)
     block[HEADER : HEADER + n_modes] = modes.rates_per_s
     block[HEADER + WEIGHT * n_modes : HEADER + (WEIGHT + 1) * n_modes] = modes.weights
     return block
