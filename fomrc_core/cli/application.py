@@ -48,10 +48,6 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(str(error))
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        # Whoever reads the output has closed it, e.g. head; Python would complain once more at exit.
-        sys.stdout = None  # type: ignore[assignment]
-        return DONE
     except Exception as error:
         # Wrong usage. The class is click's or, in newer releases, a copy of it inside of typer.
         if type(error).__name__ == "Abort":

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fomrc_core import data_sources
 from fomrc_core.cli.application import run
 from fomrc_core.cli.options import column_numbers, pairs, progress_shown
 from fomrc_core.errors import ParameterError
@@ -285,6 +286,17 @@ def test_data_without_data_is_one_line(
     told = capsys.readouterr().err
     assert "not the known record" in told
     assert told.count("\n") == 1
+
+
+def test_an_interrupt_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(data_sources, "locate", interrupted)
+    assert run(["data"]) == 130
+    assert "Traceback" not in capsys.readouterr().err
 
 
 def test_column_options_are_taken_apart() -> None:
