@@ -75,6 +75,9 @@ class CheckpointWriter:
         self.n_snapshots = 0
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            # What a killed writer had begun and not renamed.
+            for unfinished in path.parent.glob(f".{path.name}.*.tmp"):
+                unfinished.unlink(missing_ok=True)
         except OSError as error:
             raise StorageError(f"cannot be written: {error.strerror}", where=str(path.parent)) from None
         self._queue: queue.Queue[tuple[int, dict[str, Any]] | None] = queue.Queue(maxsize=2)
