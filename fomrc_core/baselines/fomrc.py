@@ -30,7 +30,15 @@ class FittedFomrc(FittedRival):
     @property
     def n_parameters(self) -> int:
         """Gains, saturation voltages, the creep order and the parameters of every effect."""
-        return 2 * self.model.n_elements + 2 + sum(len(effect.parameters) for effect in self.model.effects)
+        total = 2 * self.model.n_elements + 2
+        for effect in self.model.effects:
+            for name, value in effect.to_mapping().items():
+                # Lists are weights on a grid that is laid, not fitted; the grid itself is not counted.
+                if not isinstance(value, list):
+                    total += 1
+                elif name in effect.linear_parameters:
+                    total += int(np.count_nonzero(value))
+        return total
 
     def simulate(self, steps_s: Array, voltage_v: Array) -> Array:
         """Return the displacement [um], shape (n_samples,)."""
