@@ -32,7 +32,7 @@ extras = {
     "fast": ["numba>=0.59"],
     "bags": ["rosbags>=0.10"],
     # colcon recognises the test framework by 'pytest' in an extra of this name.
-    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100"],
+    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "distributed>=2023.1"],
     "bench": ["pytest-benchmark>=4"],
     "lint": ["ruff>=0.6", "mypy>=1.10", "types-PyYAML"],
 }

@@ -11,6 +11,7 @@ import typer
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.fit_commands import diagnose, identify
+from fomrc_core.cli.fleet_commands import identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
 from fomrc_core.errors import FomrcError
 
@@ -27,6 +28,7 @@ application = typer.Typer(
 application.command()(simulate)
 application.command()(compensate)
 application.command()(identify)
+application.command("identify-fleet")(identify_fleet)
 application.command()(diagnose)
 application.add_typer(excite, name="excite")
 application.command()(compare)

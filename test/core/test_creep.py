@@ -148,9 +148,7 @@ def test_integral_then_derivative_is_identity(data, order):
     x = integral(order, y, dt)
     # the condition of the passage: what one rounding of x is worth in y, over the shortest step
     condition = (
-        np.max(np.abs(x)) * math.gamma(order + 2.0) / np.min(dt) ** order / np.max(np.abs(y))
-        if np.any(y)
-        else 1.0
+        np.max(np.abs(x)) * math.gamma(order + 2.0) / np.min(dt) ** order / np.max(np.abs(y)) if np.any(y) else 1.0
     )
     assert relative(derivative(order, x, dt), y) <= 1e-12 * max(1.0, condition)
 
@@ -187,9 +185,7 @@ def test_slope_modes_against_the_closed_derivative(order):
     # d/da t^a / Gamma(1+a) by a symmetric difference of the closed form
     t = np.geomspace(1e-2, 1e3, 50)
     h = 1e-6
-    exact = (t ** (order + h) / math.gamma(1 + order + h) - t ** (order - h) / math.gamma(1 + order - h)) / (
-        2 * h
-    )
+    exact = (t ** (order + h) / math.gamma(1 + order + h) - t ** (order - h) / math.gamma(1 + order - h)) / (2 * h)
     found = step_response(creep_modes_slope(order), t)
     assert np.max(np.abs(found - exact)) <= 1e-4 * np.max(np.abs(exact))
 
@@ -200,10 +196,7 @@ def test_chosen_accuracy_is_kept(accuracy, order):
     modes = creep_modes(order, accuracy, 1e-2, 1e4)
     t = np.geomspace(1e-2, 1e4, 1000)
     assert np.max(np.abs(step_response(modes, t) * math.gamma(1.0 + order) / t**order - 1.0)) <= accuracy
-    assert (
-        creep_modes(order, accuracy, 1e-2, 1e4).n_modes
-        < creep_modes(order, accuracy / 10.0, 1e-2, 1e4).n_modes
-    )
+    assert creep_modes(order, accuracy, 1e-2, 1e4).n_modes < creep_modes(order, accuracy / 10.0, 1e-2, 1e4).n_modes
 
 
 @pytest.mark.parametrize(

@@ -59,9 +59,7 @@ IDS = [effect.name for effect in EFFECTS]
 def record(jitter: float, n: int = 400):
     rng = np.random.default_rng(17)
     steps_s = 1e-3 * (1.0 + jitter * rng.uniform(-1.0, 1.0, n))
-    voltage_v = np.round(
-        np.sin(np.cumsum(steps_s) * 25.0) + 0.1 * np.cumsum(rng.standard_normal(n)) / np.sqrt(n), 3
-    )
+    voltage_v = np.round(np.sin(np.cumsum(steps_s) * 25.0) + 0.1 * np.cumsum(rng.standard_normal(n)) / np.sqrt(n), 3)
     voltage_v[100:120] = voltage_v[100]
     outside = {"temperature_c": 20.0 + np.arange(n) / 100.0, "cross": np.cos(np.arange(n) / 11.0)}
     return steps_s, voltage_v, outside
@@ -91,9 +89,7 @@ def test_batch_equals_stepwise_and_chunks(effect, jitter):
     assert relative(one_by_one(model, model.initial_state(), steps_s, voltage_v, outside), whole) <= 1e-12
     state, parts = model.initial_state(), []
     for part in (slice(0, 1), slice(1, 133), slice(133, None)):
-        parts.append(
-            model.simulate(steps_s[part], voltage_v[part], state, **{k: v[part] for k, v in outside.items()})
-        )
+        parts.append(model.simulate(steps_s[part], voltage_v[part], state, **{k: v[part] for k, v in outside.items()}))
     assert relative(np.concatenate(parts), whole) <= 1e-12
 
 
@@ -110,10 +106,7 @@ def test_inverse_batch_equals_stepwise(effect, jitter):
     steps_s, wanted, outside = record(jitter)
     compensator = Compensator(MODEL.with_effects(effect))
     whole = compensator.run(steps_s, wanted, **outside)
-    assert (
-        relative(one_by_one(compensator, compensator.initial_state(), steps_s, wanted, outside), whole)
-        <= 1e-12
-    )
+    assert relative(one_by_one(compensator, compensator.initial_state(), steps_s, wanted, outside), whole) <= 1e-12
 
 
 def all_effects_model():
@@ -311,9 +304,7 @@ def test_drifts_and_hum_run_on_the_clock_of_the_record():
     ):
         assert relative(effect.run(effect.initial_state(), x, steps_s), wanted) <= 1e-12
     load = ExternalLoad(displacement_um=0.5, onset_s=0.255, release_s=0.505)
-    assert (
-        relative(load.run(load.initial_state(), x, steps_s), x + 0.5 * ((t > 0.255) & (t < 0.505))) <= 1e-15
-    )
+    assert relative(load.run(load.initial_state(), x, steps_s), x + 0.5 * ((t > 0.255) & (t < 0.505))) <= 1e-15
 
 
 def test_covariates_add_their_share():
@@ -338,9 +329,7 @@ def test_knees_and_added_plays_by_their_law():
             out.append(state)
         return np.array(out)
 
-    bent = sum(
-        w * (np.maximum(play(r), k) - max(0.0, k)) for r, k, w in zip(thresholds, knees, weights, strict=True)
-    )
+    bent = sum(w * (np.maximum(play(r), k) - max(0.0, k)) for r, k, w in zip(thresholds, knees, weights, strict=True))
     effect = AsymmetricHysteresis(thresholds, knees, weights)
     assert relative(effect.run(effect.initial_state(), values, np.ones(300)), bent) <= 1e-13
     plain = sum(w * play(r) for r, w in zip(thresholds, weights, strict=True))

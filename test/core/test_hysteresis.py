@@ -110,9 +110,7 @@ def test_rate_independence(sets, signal, n_parts):
     share = np.arange(1, n_parts + 1) / n_parts
     fine = before[:, None] + (signal - before)[:, None] * share
     fine[:, -1] = signal
-    assert (
-        relative(play_sum(*sets, fine.reshape(-1))[n_parts - 1 :: n_parts], play_sum(*sets, signal)) <= 1e-12
-    )
+    assert relative(play_sum(*sets, fine.reshape(-1))[n_parts - 1 :: n_parts], play_sum(*sets, signal)) <= 1e-12
 
 
 @settings(deadline=None, max_examples=60)
@@ -161,9 +159,7 @@ def test_walk_breakpoints_from_states_nobody_reaches(sets, seed, change_v):
     stretches = np.random.default_rng(seed).uniform(-1.0, 1.0, stop.thresholds.size) * stop.thresholds
     moved, after = walk_breakpoints(stop, stretches, change_v)
     # what a walk must fulfil: each stretch follows the displacement within its limits, and the voltages add up
-    assert np.allclose(
-        after, np.clip(stretches + moved, -stop.thresholds, stop.thresholds), rtol=0, atol=1e-12
-    )
+    assert np.allclose(after, np.clip(stretches + moved, -stop.thresholds, stop.thresholds), rtol=0, atol=1e-12)
     voltage = stop.slope * moved + np.sum(stop.weights * (after - stretches))
     assert voltage == pytest.approx(change_v, rel=1e-11, abs=1e-12)
 
@@ -187,9 +183,7 @@ def test_maxwell_slip_force_on_a_first_rise_and_a_reversal():
     stiffness, breakaway = np.array([100.0, 50.0]), np.array([1.0, 2.0])
     position = np.array([0.005, 0.01, 0.03, 0.04, 0.08, 0.07, 0.0])
     # by hand: spring 1 slips from 0.01 m on, spring 2 from 0.04 m on; the reversal unloads both
-    assert maxwell_slip_force(stiffness, breakaway, position) == pytest.approx(
-        [0.75, 1.5, 2.5, 3.0, 3.0, 1.5, -3.0]
-    )
+    assert maxwell_slip_force(stiffness, breakaway, position) == pytest.approx([0.75, 1.5, 2.5, 3.0, 3.0, 1.5, -3.0])
 
 
 @pytest.mark.parametrize(

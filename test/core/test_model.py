@@ -42,9 +42,7 @@ def test_batch_equals_stepwise_and_any_chunks(data, sets, order):
     steps_s = data.draw(steps(voltage_v.size))
     whole = model.simulate(steps_s, voltage_v)
     state = model.initial_state()
-    single = np.array(
-        [model.advance(state, u, dt) for u, dt in zip(voltage_v.tolist(), steps_s.tolist(), strict=True)]
-    )
+    single = np.array([model.advance(state, u, dt) for u, dt in zip(voltage_v.tolist(), steps_s.tolist(), strict=True)])
     assert relative(whole, single) <= 1e-12
     cut = data.draw(st.integers(1, voltage_v.size - 1))
     state = model.initial_state()
@@ -102,9 +100,7 @@ def test_creep_of_a_held_step_grows_with_the_power_of_time():
 @settings(deadline=None, max_examples=30)
 @given(elements(), ORDERS)
 def test_mapping_round_trip(sets, order):
-    model = PiezoModel(*sets, order).with_effects(
-        AmplifierBandwidth(cutoff_hz=11.3), ThermalDrift(um_per_c=0.01)
-    )
+    model = PiezoModel(*sets, order).with_effects(AmplifierBandwidth(cutoff_hz=11.3), ThermalDrift(um_per_c=0.01))
     text = yaml.safe_dump(model.to_mapping())
     back = PiezoModel.from_mapping(yaml.safe_load(text))
     assert np.array_equal(back.kappa_um_per_v, model.kappa_um_per_v)
@@ -172,8 +168,7 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
                           cwd=ROOT, timeout=300, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     plain = {
-        key: np.array(value) if isinstance(value, list) else value
-        for key, value in json.loads(done.stdout).items()
+        key: np.array(value) if isinstance(value, list) else value for key, value in json.loads(done.stdout).items()
     }
     x = model.simulate(dt, u)
     v = Compensator(model).run(dt, x)
@@ -185,10 +180,7 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
     state = ModelState.from_mapping(plain["state"])
     fresh = model.initial_state()
     model.simulate(dt, u, fresh)
-    assert (
-        relative(model.simulate(dt, u[::-1].copy(), state), model.simulate(dt, u[::-1].copy(), fresh))
-        <= 1e-12
-    )
+    assert relative(model.simulate(dt, u[::-1].copy(), state), model.simulate(dt, u[::-1].copy(), fresh)) <= 1e-12
 
 
 def test_import_compiles_nothing():

@@ -1,0 +1,77 @@
+"""``fomrc identify-fleet``: one model for each recording of a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fomrc_core.cli.fit_commands import Method, _element_count
+from fomrc_core.cli.options import Columns, OutputDirectory, Rate, column_numbers, make_directory, progress_shown, say
+from fomrc_core.errors import ParameterError
+
+
+def identify_fleet(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of recordings, one for each actuator.")],
+    output: OutputDirectory,
+    elements: Annotated[str, typer.Option(metavar="N|auto", help="Number of elements that saturate.")] = "10",
+    method: Annotated[Method, typer.Option(help="As for identify.")] = Method.CONVEX,
+    columns: Columns = None,
+    rate: Rate = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes side by side; as many as processors by default.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="A Dask scheduler whose workers see the same folders."),
+    ] = None,
+) -> int:
+    """Identify a model for each recording of a folder.
+
+    Writes NAME.model.yaml and NAME.fit.json for each. Run again after an interruption to go on: what is done is
+    kept. A record that fails is told and passed over; exit status 2 says that there were such.
+    """
+    from fomrc_core import fleet
+
+    numbers = column_numbers(columns)
+    options = fleet.FleetOptions(
+        n_elements=_element_count(elements), method=method.value,
+        columns=tuple(numbers.items()) if numbers else None, rate_hz=rate,
+    )  # fmt: skip
+    recordings = fleet.records_in(folder)
+    make_directory(output)
+    with progress_shown("identify-fleet") as progress, _workers_of(scheduler) as executor:
+        records = fleet.identify_fleet(recordings, output, options=options, executor=executor, n_workers=workers,
+                                       progress=progress)  # fmt: skip
+    failed = [record for record in records if not record.is_done]
+    for record in records:
+        if record.is_done:
+            print(f"{record.name}: creep order {record.creep_order:.5g}, NRMSE {record.nrmse_percent:.4g} %"
+                  f"{' (kept)' if record.is_kept else ''}")  # fmt: skip
+    for record in failed:
+        say(f"fomrc: {record.name} failed: {record.reason}")
+    print(f"{len(records) - len(failed)} of {len(records)} recordings identified, models in {output}")
+    return 2 if failed else 0
+
+
+@contextmanager
+def _workers_of(scheduler: str | None) -> Iterator[Executor | None]:
+    if scheduler is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ParameterError("Dask is not installed", where="--scheduler", value=scheduler,
+                             allowed="after: pip install distributed") from None  # fmt: skip
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"no scheduler reached ({error})", where="--scheduler", value=scheduler,
+                             allowed="HOST:PORT of a running one") from None  # fmt: skip
+    with client, client.get_executor() as executor:
+        yield executor
