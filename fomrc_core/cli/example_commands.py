@@ -95,13 +95,9 @@ def demo(context: typer.Context) -> None:
     """Linearise a piezo stage through ROS, and identify a measured one; needs ROS 2."""
     needed = [name for name in ("fomrc_ros", "rclpy") if importlib.util.find_spec(name) is None]
     if needed:
-        raise FomrcError(
-            f"demo needs {' and '.join(needed)}: source a ROS 2 installation or pip install '.[ros]'"
-        )
+        raise FomrcError(f"demo needs {' and '.join(needed)}: source a ROS 2 installation or pip install '.[ros]'")
     # The ROS wheels restart Python once and leave this mark, with which a further Python would not do so.
-    environment = {
-        name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
-    }
+    environment = {name: value for name, value in os.environ.items() if name != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     environment.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     sys.stdout.flush()

@@ -40,9 +40,7 @@ def relax(
     from fomrc_core.excitation import relaxation
 
     _write(
-        relaxation(
-            amplitude, duration_s=duration, frequency_hz=frequency, rest_s=rest, offset_v=offset, rate_hz=rate
-        ),
+        relaxation(amplitude, duration_s=duration, frequency_hz=frequency, rest_s=rest, offset_v=offset, rate_hz=rate),
         output,
     )
 
@@ -104,9 +102,7 @@ def staircase(
 @excite.command()
 def steps(
     output: Output,
-    levels: Annotated[
-        str, typer.Option(help="Levels [V], in order.")
-    ] = "2.5,0,1.5,0,0.5,0,-0.5,0,-1.5,0,-2.5,0",
+    levels: Annotated[str, typer.Option(help="Levels [V], in order.")] = "2.5,0,1.5,0,0.5,0,-0.5,0,-1.5,0,-2.5,0",
     dwell: Annotated[float, typer.Option(help="Time on each level [s].")] = 60.0,
     lead_in: Annotated[float, typer.Option(help="Time at zero before the first [s].")] = 1.0,
     offset: Offset = 0.0,
@@ -118,12 +114,8 @@ def steps(
     try:
         levels_v = [float(level) for level in levels.split(",")]
     except ValueError:
-        raise ParameterError(
-            "no list of numbers", where="--levels", value=levels, allowed="e.g. 2.5,0,-2.5"
-        ) from None
-    _write(
-        excitation.steps(levels_v, dwell_s=dwell, lead_in_s=lead_in, offset_v=offset, rate_hz=rate), output
-    )
+        raise ParameterError("no list of numbers", where="--levels", value=levels, allowed="e.g. 2.5,0,-2.5") from None
+    _write(excitation.steps(levels_v, dwell_s=dwell, lead_in_s=lead_in, offset_v=offset, rate_hz=rate), output)
 
 
 @excite.command()

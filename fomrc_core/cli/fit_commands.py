@@ -20,15 +20,14 @@ from fomrc_core.cli.options import (
     progress_shown,
     read,
     say,
+    worker_processes,
 )
 from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
     from fomrc_core.identification import Fit
 
-HeldOut = Annotated[
-    Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")
-]
+HeldOut = Annotated[Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")]
 
 
 class Method(str, Enum):
@@ -43,12 +42,12 @@ def identify(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="M.yaml", help="Model file to write.")],
     test: HeldOut = None,
     elements: Annotated[str, typer.Option(metavar="N|auto", help="Number of elements that saturate.")] = "10",
-    method: Annotated[
-        Method, typer.Option(help="convex: no start values; paper: the route of section 3.")
-    ] = (Method.CONVEX),
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="F", help="Also write the result as JSON.")
-    ] = (None),
+    method: Annotated[Method, typer.Option(help="convex: no start values; paper: the route of section 3.")] = (
+        Method.CONVEX
+    ),
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="F", help="Also write the result as JSON.")] = (
+        None
+    ),
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
@@ -72,9 +71,7 @@ def identify(
     print(f"{fit.outcome.value}: {fit.reason}")
     print(f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
           f"{fit.model.n_elements} elements")  # fmt: skip
-    print(
-        f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)"
-    )
+    print(f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)")
     if held_out is not None:
         print(f"NRMSE {fit.test_nrmse_percent:.4g} % held out ({held_out.name})")
     for record, start in zip(records, fit.starts, strict=True):
@@ -131,8 +128,8 @@ def diagnose(
     held_out = read(test, columns, rate, topics) if test else None
     third = read(report, columns, rate, topics) if report else None
     folder = make_directory(output)
-    with progress_shown("diagnose") as progress:
-        diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress)
+    with worker_processes() as executor, progress_shown("diagnose") as progress:
+        diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)
         progress(1.0, "report")
         write_report(diagnosis, folder)
     print(diagnosis.summary())
@@ -145,9 +142,7 @@ def _element_count(text: str) -> int | str:
     try:
         return int(text)
     except ValueError:
-        raise ParameterError(
-            "no number", where="--elements", value=text, allowed="1 to 60, or auto"
-        ) from None
+        raise ParameterError("no number", where="--elements", value=text, allowed="1 to 60, or auto") from None
 
 
 def _number(value: float) -> float | None:

@@ -22,9 +22,7 @@ class InitialState(str, Enum):
 
 def simulate(
     model: ModelFile,
-    recording: Annotated[
-        Path, typer.Option("--input", "-i", metavar="REC", help="Recording with the voltage.")
-    ],
+    recording: Annotated[Path, typer.Option("--input", "-i", metavar="REC", help="Recording with the voltage.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.csv", help="Where to write.")],
     initial_state: Annotated[
         InitialState,
@@ -71,9 +69,7 @@ def simulate(
 
 def compensate(
     model: ModelFile,
-    target: Annotated[
-        Path, typer.Option("--input", "-i", metavar="TARGET.csv", help="Columns time_s and desired_um.")
-    ],
+    target: Annotated[Path, typer.Option("--input", "-i", metavar="TARGET.csv", help="Columns time_s and desired_um.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="V.csv", help="Where to write.")],
 ) -> None:
     """Find the voltage that makes an actuator, relaxed at first, follow a desired displacement.
@@ -93,7 +89,4 @@ def compensate(
     write_columns({"time_s": time_s, "voltage_v": voltage_v, "desired_um": desired_um}, output)
     for name, reason in compensator.not_inverted:
         say(f"{name}: {reason}" if reason.startswith("not inverted") else f"{name} is not inverted: {reason}")
-    say(
-        f"voltage between {voltage_v.min():.4g} and {voltage_v.max():.4g} V; "
-        "the actuator is taken as relaxed at first"
-    )
+    say(f"voltage between {voltage_v.min():.4g} and {voltage_v.max():.4g} V; the actuator is taken as relaxed at first")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,9 +31,7 @@ Recordings = Annotated[
     list[Path],
     typer.Argument(metavar="REC...", help="CSV (.gz), column file or rosbag2 folder; one or more."),
 ]
-OutputDirectory = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")
-]
+OutputDirectory = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")]
 
 
 def say(text: str) -> None:
@@ -82,11 +83,23 @@ def pairs(text: str, option: str) -> dict[str, str]:
     for part in text.split(","):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not (name and equals and value) or name in found:
-            raise ParameterError(
-                "not understood", where=option, value=text, allowed="quantity=value,... each once"
-            )
+            raise ParameterError("not understood", where=option, value=text, allowed="quantity=value,... each once")
         found[name] = value
     return found
+
+
+@contextmanager
+def worker_processes() -> Iterator[Executor | None]:
+    """Give one process per processor to work in; None where there is one only."""
+    n_processors = os.cpu_count() or 1
+    if n_processors < 2:
+        yield None
+        return
+    # One thread each: the processes are the parallelism. Read by the libraries when a process starts.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with ProcessPoolExecutor(n_processors, mp_context=get_context("spawn")) as executor:
+        yield executor
 
 
 @contextmanager
