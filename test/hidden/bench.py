@@ -46,9 +46,7 @@ class Setup:
     def clean_um(self, command_v: np.ndarray, part: str, name: str, world: World | None = None) -> np.ndarray:
         """Return the noiseless displacement [um] of a drive, in this world or a variant of it."""
         chosen = world or self.world
-        return chosen.displacement_um(
-            command_v, self.rate_hz, self.circumstance(command_v.size, part, name, chosen)
-        )
+        return chosen.displacement_um(command_v, self.rate_hz, self.circumstance(command_v.size, part, name, chosen))
 
     def measure(self, command_v: np.ndarray, part: str, name: str) -> Recording:
         """Measure a drive [V] that starts at 0: a record with noise on all that is measured."""
@@ -81,9 +79,7 @@ def with_effects(setup: Setup, effects: dict[str, dict[str, Any]]) -> Setup:
     return replace(setup, world=replace(setup.world, effects=effects))
 
 
-def draw_setup(
-    seed: int, causes: tuple[str, ...], noise_um: float, oversampling: int, rate_hz: float
-) -> Setup:
+def draw_setup(seed: int, causes: tuple[str, ...], noise_um: float, oversampling: int, rate_hz: float) -> Setup:
     """Draw an actuator without effects and its bench; the causes to come decide what must be recorded."""
     rng = chance(seed, "actuator")
     # A dead zone about 0 V is met at all only by a drive of both signs.
@@ -118,8 +114,6 @@ def draw_setup(
         befalls_all=extras[0] < 0.5,
         # Columns that have nothing to do with the matter are recorded now and then too.
         has_temperature="thermal_drift" in causes or extras[1] < 0.25,
-        cross_kind=("displacement" if extras[3] < 0.5 else "voltage")
-        if is_crossed or extras[2] < 0.25
-        else "none",
+        cross_kind=("displacement" if extras[3] < 0.5 else "voltage") if is_crossed or extras[2] < 0.25 else "none",
         has_offset=bool(second.random() < 0.5),
     )

@@ -100,9 +100,7 @@ def draw_circumstance(
         before_v=before_v,
         loads=touched,
         temperature_c=temperature(n_samples, rate_hz, streams[2]) if has_temperature else None,
-        cross=None
-        if cross_kind == "none"
-        else second_axis(n_samples, rate_hz, cross_kind == "voltage", streams[3]),
+        cross=None if cross_kind == "none" else second_axis(n_samples, rate_hz, cross_kind == "voltage", streams[3]),
         hum_phase=streams[4].uniform(0.0, 2.0 * np.pi),
         offset_um=streams[5].uniform(-1.0, 1.0) if has_offset else 0.0,
     )

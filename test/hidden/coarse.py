@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear
 
 from test.hidden.creep import fractional_integral
 from test.hidden.hysteresis import MaxwellChain, RelayPlane
@@ -23,10 +23,12 @@ def coarse_model(
     turns_v = np.array([0.0, high_v, low_v, high_v, 0.6 * high_v + 0.4 * low_v, high_v])
     loop_v = np.interp(np.linspace(0.0, turns_v.size - 1.0, 1501), np.arange(turns_v.size), turns_v)
     loop_um = hysteresis.run(loop_v)
-    strengths = np.max(np.abs(loop_um)) * np.arange(1, n_elements + 1) / (n_elements + 1.0)
+    strengths = 0.5 * np.ptp(loop_um) * np.arange(1, n_elements + 1) / (n_elements + 1.0)
     columns = np.stack([_slips(loop_um, s) for s in strengths] + [loop_um], axis=1)
-    stiffness, _ = nnls(columns, loop_v)
-    stiffness = np.maximum(stiffness, 1e-3 * stiffness.max())  # an element of no stiffness has no kappa
+    # Bounded, lest an element vanish (it would have no kappa) or the spring that holds the rest be gone.
+    chord = float(np.ptp(loop_v) / np.ptp(loop_um))
+    lowest = chord * np.append(np.full(n_elements, 0.01), 0.4)
+    stiffness = lsq_linear(columns, loop_v, (lowest, np.inf)).x
     return {
         "kappa_um_per_v": [float(1.0 / w) for w in stiffness],
         "saturation_v": [float(w * s) for w, s in zip(stiffness[:-1], strengths, strict=True)],

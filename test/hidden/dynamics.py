@@ -25,9 +25,7 @@ def first_order(values: np.ndarray, rate_per_s: float, step_s: float) -> np.ndar
 
 
 @njit(cache=True)
-def mass_spring_damper(
-    values: np.ndarray, frequency_hz: float, damping_ratio: float, step_s: float
-) -> np.ndarray:
+def mass_spring_damper(values: np.ndarray, frequency_hz: float, damping_ratio: float, step_s: float) -> np.ndarray:
     """Solve z'' = w^2 (v - z) - 2 d w z' from rest, for v linear between the nodes: a base-driven mass."""
     out = np.empty_like(values)
     w = 2.0 * np.pi * frequency_hz
@@ -51,9 +49,7 @@ def mass_spring_damper(
 
 
 @njit(cache=True)
-def rate_limited(
-    values: np.ndarray, rate_v_per_s: float, step_s: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def rate_limited(values: np.ndarray, rate_v_per_s: float, step_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Follow the values no faster than a rate, exactly for values linear between the nodes.
 
     Returns the output at the nodes, and the turning points between them (index of the node after, value):

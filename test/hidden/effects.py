@@ -100,9 +100,7 @@ def _asymmetry(stage: Stage, rng: np.random.Generator) -> Draft:
 
 def _relaxation(stage: Stage, rng: np.random.Generator) -> Draft:
     tau_s = log_uniform(rng, 0.5, 10.0)
-    return Draft(
-        lambda a: {"amplitude": a, "time_constant_s": tau_s}, log_uniform(rng, 0.01, 0.05), 5e-3, 0.1
-    )
+    return Draft(lambda a: {"amplitude": a, "time_constant_s": tau_s}, log_uniform(rng, 0.01, 0.05), 5e-3, 0.1)
 
 
 def _resonance(stage: Stage, rng: np.random.Generator) -> Draft:
@@ -119,9 +117,7 @@ def _resonance(stage: Stage, rng: np.random.Generator) -> Draft:
 
 def _load(stage: Stage, rng: np.random.Generator) -> Draft:
     sign = _sign(rng)
-    return Draft(
-        lambda d: {"size_um": sign * d}, log_uniform(rng, 8e-3, 50e-3), 5e-3, 80e-3, 1.0, (3e-3, 30e-3)
-    )
+    return Draft(lambda d: {"size_um": sign * d}, log_uniform(rng, 8e-3, 50e-3), 5e-3, 80e-3, 1.0, (3e-3, 30e-3))
 
 
 def _cross(stage: Stage, rng: np.random.Generator) -> Draft:
@@ -153,9 +149,7 @@ def _thermal(stage: Stage, rng: np.random.Generator) -> Draft:
         span = stage.duration_s
         return Draft(lambda d: {"rate_um_per_s": sign * d / span}, log_uniform(rng, 0.01, 0.1), 5e-3, 0.3)
     tau_s = log_uniform(rng, 0.2, 1.5) * stage.duration_s
-    return Draft(
-        lambda d: {"amplitude_um": sign * d, "time_constant_s": tau_s}, log_uniform(rng, 0.01, 0.1), 5e-3, 0.5
-    )
+    return Draft(lambda d: {"amplitude_um": sign * d, "time_constant_s": tau_s}, log_uniform(rng, 0.01, 0.1), 5e-3, 0.5)
 
 
 def _gain_drift(stage: Stage, rng: np.random.Generator) -> Draft:

@@ -216,9 +216,7 @@ def draw_chain(
 
     def branch(width_um: float, share: float) -> float:
         # Masing: a branch is the first loading, doubled.
-        return 2.0 * (
-            share * np.sum(stiffness * np.minimum(0.5 * width_um, slip_um)) + (1 - share) * 0.5 * width_um
-        )
+        return 2.0 * (share * np.sum(stiffness * np.minimum(0.5 * width_um, slip_um)) + (1 - share) * 0.5 * width_um)
 
     def loop_width(share: float) -> float:
         top = branch(stroke_um, share)
@@ -235,18 +233,14 @@ def draw_chain(
     return MaxwellChain(scale * share * stiffness, scale * share * stiffness * slip_um, scale * (1.0 - share))
 
 
-def envelopes_of(
-    plane: RelayPlane, largest_v: float, n_elements: int, bend: float, is_mirrored: bool
-) -> EnvelopePlays:
+def envelopes_of(plane: RelayPlane, largest_v: float, n_elements: int, bend: float, is_mirrored: bool) -> EnvelopePlays:
     """Turn a symmetric plane into plays (density f at twice the radius) and bend one of their envelopes."""
     cell = largest_v / n_elements
     radius = (np.arange(n_elements) + 0.5) * cell
     width = 2.0 * radius
     density = (1.0 - plane.share) * np.exp(-width / plane.decay_1_v)
     density += plane.share * (width / plane.decay_2_v) * np.exp(-width / plane.decay_2_v)
-    return EnvelopePlays(
-        plane.slope_um_per_v, radius, plane.scale * density * 2.0 * cell, bend, largest_v, is_mirrored
-    )
+    return EnvelopePlays(plane.slope_um_per_v, radius, plane.scale * density * 2.0 * cell, bend, largest_v, is_mirrored)
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,7 @@ class Noise:
         spectrum[1:] /= np.sqrt(np.arange(1, spectrum.size))
         flicker = np.fft.irfft(spectrum, n_samples)
         flicker /= np.sqrt(np.mean(flicker**2))
-        return self.rms_um * (
-            np.sqrt(1.0 - self.flicker_share) * quick + np.sqrt(self.flicker_share) * flicker
-        )
+        return self.rms_um * (np.sqrt(1.0 - self.flicker_share) * quick + np.sqrt(self.flicker_share) * flicker)
 
 
 def draw_noise(rms_um: float, rng: np.random.Generator) -> Noise:

@@ -89,22 +89,12 @@ def _run(jobs: list[Job], folder: Path, n_processes: int, console: Console, labe
 
 def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for and write the page of what is known so far."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", nargs="+", choices=[*PARTS, "all"], default=["all"])
-    parser.add_argument(
-        "--seeds", type=int, help="seeds per cause (pairs: number of pairs) instead of the full number"
-    )
-    parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)"
-    )
-    parser.add_argument(
-        "--output", type=Path, default=_ROOT / "study_output", help="folder of the cases' files"
-    )
-    parser.add_argument(
-        "--docs", type=Path, help="folder of the page (default: docs/ for a full run, else the output)"
-    )
+    parser.add_argument("--seeds", type=int, help="seeds per cause (pairs: number of pairs) instead of the full number")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+    parser.add_argument("--output", type=Path, default=_ROOT / "study_output", help="folder of the cases' files")
+    parser.add_argument("--docs", type=Path, help="folder of the page (default: docs/ for a full run, else the output)")
     parser.add_argument(
         "--outdated", action="store_true", help="run again what was made by another state of the source"
     )
@@ -119,9 +109,7 @@ def main(arguments: list[str] | None = None) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     docs = options.docs or (_ROOT / "docs" if is_full else options.output)
     if "measured" in parts and not (study_measured.data_folder() / "pea_1hz").is_dir():
-        console.print(
-            f"measured: no {study_measured.data_folder() / 'pea_1hz'}; name it with FOMRC_DATA. Left out."
-        )
+        console.print(f"measured: no {study_measured.data_folder() / 'pea_1hz'}; name it with FOMRC_DATA. Left out.")
         parts.remove("measured")
     if not options.report_only:
         source = study_cases.source_digest()
@@ -129,9 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
         for part in parts:
             if part == "table3":
                 continue
-            jobs = [
-                (function, spec) for function, spec in _jobs(part, options.seeds) if spec.key not in known
-            ]
+            jobs = [(function, spec) for function, spec in _jobs(part, options.seeds) if spec.key not in known]
             if jobs:
                 _run(jobs, folder, 1 if part == "timing" else options.jobs, console, part)
     if "table3" in parts:

@@ -74,9 +74,7 @@ def plan(part: str, n_seeds: int | None = None) -> list[Spec]:
         return [Spec(part, 1000 + k) for k in range(n_seeds or 50)]
     if part == "single":
         # Seed by seed through all causes, so that a run cut short has seen each cause about as often.
-        return [
-            Spec(part, 2000 + 100 * i + k, (c,)) for k in range(n_seeds or 10) for i, c in enumerate(CAUSES)
-        ]
+        return [Spec(part, 2000 + 100 * i + k, (c,)) for k in range(n_seeds or 10) for i, c in enumerate(CAUSES)]
     if part == "pairs":
         rng = np.random.default_rng(3000)
         drawn = [tuple(sorted(rng.choice(CAUSES, 2, replace=False).tolist())) for _ in range(n_seeds or 40)]
@@ -144,9 +142,7 @@ def diagnosis_outcome(diagnosis: Any, case: HiddenCase) -> dict[str, Any]:
     for found in outcome["findings"]:
         cause = found["cause"]
         if cause in case.causes:
-            found["parameter_error"] = parameter_error(
-                cause, case.parameters[cause], found["parameters"], case
-            )
+            found["parameter_error"] = parameter_error(cause, case.parameters[cause], found["parameters"], case)
     swing_um = float(np.ptp(case.report.measured_um))
     outcome["held_out_over_noise"] = outcome["nrmse_percent_last"] * swing_um / 100.0 / case.noise_um
     return outcome

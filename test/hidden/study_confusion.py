@@ -19,9 +19,7 @@ def confusion(outcomes: list[Outcome]) -> tuple[list[str], list[str], np.ndarray
     for outcome in outcomes:
         hidden = outcome["spec"]["causes"]
         counts[rows.index(hidden[0] if hidden else "nothing"), columns.index(answer(outcome))] += 1
-    kept = [
-        j for j, name in enumerate(columns) if name in CAUSES or name == "nothing_found" or counts[:, j].any()
-    ]
+    kept = [j for j, name in enumerate(columns) if name in CAUSES or name == "nothing_found" or counts[:, j].any()]
     return rows, [columns[j] for j in kept], counts[:, kept]
 
 

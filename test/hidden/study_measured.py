@@ -40,7 +40,6 @@ def run(case: Measured, folder: str) -> str:
     outcome: dict[str, Any] = {"spec": asdict(case), "source": source_digest()}
     try:
         from fomrc_core.diagnosis import diagnose
-
         from fomrc_core.storage import read_recording
 
         train, test = (

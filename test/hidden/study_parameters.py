@@ -27,9 +27,7 @@ _MAIN: dict[str, tuple[str, str]] = {
 }
 
 
-def parameter_error(
-    cause: str, true: Mapping[str, Any], found: Mapping[str, Any], case: HiddenCase
-) -> float | None:
+def parameter_error(cause: str, true: Mapping[str, Any], found: Mapping[str, Any], case: HiddenCase) -> float | None:
     """Return the relative error of a cause's main parameter; None where truth and product share none.
 
     A saturation is judged by the rails the drive meets, a sensor by its curve (both coefficients together),
@@ -62,8 +60,6 @@ def parameter_error(
         return abs(float(found["um_per_c"]) / true["um_per_degc"] - 1.0)
     if cause == "thermal_drift" and "rate_um_per_s" in true:
         span_s = case.recordings[0].duration_s
-        drift = sum(
-            float(found[n]) * span_s**k for n, k in (("um_per_s", 1), ("um_per_s2", 2), ("um_per_s3", 3))
-        )
+        drift = sum(float(found[n]) * span_s**k for n, k in (("um_per_s", 1), ("um_per_s2", 2), ("um_per_s3", 3)))
         return abs(drift / (true["rate_um_per_s"] * span_s) - 1.0)
     return None

@@ -113,16 +113,13 @@ def bars(groups: dict[str, list[Outcome]]) -> list[str]:
             settled == len(settle),
             settle,
         )
-    explained = [
-        o for part in ("null", "single", "pairs") for o in groups.get(part, []) if o["status"] == "explained"
-    ]
+    explained = [o for part in ("null", "single", "pairs") for o in groups.get(part, []) if o["status"] == "explained"]
     if explained:
         ratios = np.array([o["held_out_over_noise"] for o in explained])
         row(
             "held-out error over the true noise, `explained` cases",
             "<= 1.2",
-            f"median {np.median(ratios):.2f}, largest {ratios.max():.2f}, "
-            f"{np.mean(ratios <= 1.2) * 100:.0f} % within",
+            f"median {np.median(ratios):.2f}, largest {ratios.max():.2f}, {np.mean(ratios <= 1.2) * 100:.0f} % within",
             bool(np.all(ratios <= 1.2)),
             explained,
         )
@@ -142,8 +139,7 @@ def bars(groups: dict[str, list[Outcome]]) -> list[str]:
             row(
                 "measured pea_1hz, held-out rms",
                 "amplifier_bandwidth first; <= 0.22 um",
-                f"{o['rms_um_before']:.2f} -> {o['rms_um_after']:.3f} um; "
-                f"{', '.join(named(o)) or o['status']}",
+                f"{o['rms_um_before']:.2f} -> {o['rms_um_after']:.3f} um; {', '.join(named(o)) or o['status']}",
                 first and o["rms_um_after"] <= 0.22,
                 measured,
             )
@@ -159,9 +155,7 @@ def write(outcomes: list[Outcome], folder: Path) -> Path:
         groups.setdefault(outcome["spec"]["part"], []).append(outcome)
     folder.mkdir(parents=True, exist_ok=True)
     states = Counter(o["source"] for o in outcomes)
-    times = [
-        o["wall_s"] for part in ("null", "single", "pairs") for o in groups.get(part, []) if "wall_s" in o
-    ]
+    times = [o["wall_s"] for part in ("null", "single", "pairs") for o in groups.get(part, []) if "wall_s" in o]
     n_errors = sum(o["status"] == "error" for o in outcomes)
     lines = [
         "# Hidden effects: what the diagnosis finds",

@@ -40,9 +40,7 @@ def is_misled(outcome: Outcome) -> bool:
     """Return whether a wrong cause is named and the true one is not left open beside it."""
     if n_false(outcome) == 0:
         return False
-    left_open = (
-        {*named(outcome), *outcome.get("ambiguous_with", [])} if outcome["status"] == "ambiguous" else set()
-    )
+    left_open = {*named(outcome), *outcome.get("ambiguous_with", [])} if outcome["status"] == "ambiguous" else set()
     return not left_open & set(outcome["spec"]["causes"])
 
 

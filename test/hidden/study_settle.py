@@ -28,9 +28,7 @@ class Settlement:
     @property
     def key(self) -> str:
         """Name of the case's file."""
-        return (
-            f"settle-{self.cause}-not-{self.pair[self.pair[0] == self.cause]}-{self.excitation}-{self.seed}"
-        )
+        return f"settle-{self.cause}-not-{self.pair[self.pair[0] == self.cause]}-{self.excitation}-{self.seed}"
 
 
 _PAIRS = (

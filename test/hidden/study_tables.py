@@ -46,9 +46,7 @@ def details(groups: dict[str, list[Outcome]]) -> list[str]:
             errors = main_errors(group)
             others = Counter(answer(o) for o in group if not is_first(o))
             others.update(f"also {name}" for o in group if is_first(o) for name in named(o)[1:])
-            visible = _median(
-                [1e3 * o["truth"]["visible_rms_um"][cause] for o in group if "truth" in o], "{:.1f}"
-            )
+            visible = _median([1e3 * o["truth"]["visible_rms_um"][cause] for o in group if "truth" in o], "{:.1f}")
             close = f"{sum(map(is_close, errors))}/{len(errors)}" if errors else "-"
             lines.append(
                 f"| {cause} | {len(group)} | {sum(map(is_first, group))} | {sum(map(is_exact, group))} "
@@ -59,14 +57,11 @@ def details(groups: dict[str, list[Outcome]]) -> list[str]:
     if pairs := groups.get("pairs"):
         lines += ["", "## Two effects", "", "| hidden | named | status |", "|---|---|---|"]
         lines += [
-            f"| {' + '.join(o['spec']['causes'])} | {', '.join(named(o)) or '-'} | {o['status']} |"
-            for o in pairs
+            f"| {' + '.join(o['spec']['causes'])} | {', '.join(named(o)) or '-'} | {o['status']} |" for o in pairs
         ]
     if removed := groups.get("removed"):
         lines += ["", "## True cause removed", "", "| hidden and removed | named | status |", "|---|---|---|"]
-        lines += [
-            f"| {o['spec']['causes'][0]} | {', '.join(named(o)) or '-'} | {o['status']} |" for o in removed
-        ]
+        lines += [f"| {o['spec']['causes'][0]} | {', '.join(named(o)) or '-'} | {o['status']} |" for o in removed]
     if noise := groups.get("noise"):
         lines += [
             "",

@@ -42,9 +42,7 @@ def test_hidden_cause_is_named_first(seed: int, cause: str) -> None:
     case = draw_case(seed, (cause,), excitation="short")
     diagnosis = diagnose(case.recordings, test=case.test, report=case.report, model=case.model)
     names = [found.cause for found in diagnosis.findings]
-    assert names[:1] == [cause], (
-        f"hidden {case.parameters}, visible {case.visible_rms_um} um, answered {names}"
-    )
+    assert names[:1] == [cause], f"hidden {case.parameters}, visible {case.visible_rms_um} um, answered {names}"
 
 
 def test_nothing_is_named_where_nothing_is_hidden() -> None:

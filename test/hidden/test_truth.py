@@ -148,9 +148,7 @@ def _loops(seed: int) -> list[RelayPlane | MaxwellChain]:
 @pytest.mark.parametrize("which", [0, 1])
 def test_loops_close_are_symmetric_and_have_their_size(which: int) -> None:
     loops = _loops(8)[which]
-    cycle_v = np.concatenate(
-        [np.linspace(0, 2.5, 26), np.linspace(2.4, -2.5, 50), np.linspace(-2.4, 2.5, 50)]
-    )
+    cycle_v = np.concatenate([np.linspace(0, 2.5, 26), np.linspace(2.4, -2.5, 50), np.linspace(-2.4, 2.5, 50)])
     x = loops.run(np.concatenate([cycle_v, np.linspace(2.4, -2.5, 50)]))
     top, bottom = x[25], x[75]
     assert x[125] == pytest.approx(top, abs=1e-9)
@@ -207,9 +205,7 @@ def test_twenty_steps_per_sample_are_enough(cause: str | None) -> None:
     case = draw_case(17, () if cause is None else (cause,), excitation="short")
     setup, command_v = case.setup, case.recordings[0].voltage_v
     finer = replace(setup.world, oversampling=80)
-    difference = setup.clean_um(command_v, "train", "train 1") - setup.clean_um(
-        command_v, "train", "train 1", finer
-    )
+    difference = setup.clean_um(command_v, "train", "train 1") - setup.clean_um(command_v, "train", "train 1", finer)
     assert np.sqrt(np.mean(difference**2)) < 1e-4
 
 

@@ -97,10 +97,7 @@ def draw_case(
         model_mapping = coarse_model(
             setup.world.hysteresis, setup.world.creep_order, setup.low_v, setup.high_v, n_coarse
         )
-        missed = [
-            actual.plain[k] - coarse_displacement_um(model_mapping, c, rate_hz)
-            for k, c in enumerate(commands)
-        ]
+        missed = [actual.plain[k] - coarse_displacement_um(model_mapping, c, rate_hz) for k, c in enumerate(commands)]
         parameters["missing_hysteresis"] = {"n_elements_given": n_coarse}
         sizes["missing_hysteresis"] = (raw_and_visible_um(missed, actual.basis)[0],) * 2
     if "external_load" in causes:

@@ -57,9 +57,7 @@ class World:
         """Return the same world with some effects gone."""
         return replace(self, effects={c: p for c, p in self.effects.items() if c not in causes})
 
-    def displacement_um(
-        self, command_v: np.ndarray, rate_hz: float, circumstance: Circumstance
-    ) -> np.ndarray:
+    def displacement_um(self, command_v: np.ndarray, rate_hz: float, circumstance: Circumstance) -> np.ndarray:
         """Return what a noiseless sensor would have read [um], shape of the command."""
         before = circumstance.before_v
         whole = np.concatenate([before, command_v, np.full(round(_TAIL_S * rate_hz), command_v[-1])])
@@ -90,9 +88,7 @@ class World:
         effects = self.effects
         at, turns_v = np.zeros(0, dtype=np.int64), np.zeros(0)
         if "amplifier_slew_limit" in effects:
-            drive_v, at, turns_v = rate_limited(
-                drive_v, effects["amplifier_slew_limit"]["slew_v_per_s"], step_s
-            )
+            drive_v, at, turns_v = rate_limited(drive_v, effects["amplifier_slew_limit"]["slew_v_per_s"], step_s)
         if "amplifier_bandwidth" in effects:
             drive_v = first_order(drive_v, 2.0 * np.pi * effects["amplifier_bandwidth"]["cutoff_hz"], step_s)
             at, turns_v = at[:0], turns_v[:0]  # rounded off
@@ -141,7 +137,5 @@ class World:
             x = x + bend["quadratic_per_um"] * x**2 + bend["cubic_per_um2"] * x**3
         if "mains_hum" in effects:
             hum = effects["mains_hum"]
-            x = x + hum["amplitude_um"] * np.sin(
-                2.0 * np.pi * hum["frequency_hz"] * sample_s + circumstance.hum_phase
-            )
+            x = x + hum["amplitude_um"] * np.sin(2.0 * np.pi * hum["frequency_hz"] * sample_s + circumstance.hum_phase)
         return x
