@@ -51,9 +51,7 @@ class ActuatorMemory:
         """Return an independent copy."""
         return ActuatorMemory(self.state.copy(), self.turning_points.copy())
 
-    def advance(
-        self, compensator: Compensator, desired_um: float, step_s: float, cross: float = np.nan
-    ) -> float:
+    def advance(self, compensator: Compensator, desired_um: float, step_s: float, cross: float = np.nan) -> float:
         """Return the voltage [V] after one step; the memory moves on."""
         voltage_v = compensator.advance(self.state, desired_um, step_s, cross=cross)
         self.note_turning_point(compensator)
@@ -204,9 +202,7 @@ class MemoryReplay:
     def _replay(self, steps_s: Array, desired_um: Array, cross: Array) -> None:
         compensator, memory = self.compensator, self.memory
         # Turning points need the hysteresis input of every sample, so this goes step by step.
-        for step_s, desired, beside in zip(
-            steps_s.tolist(), desired_um.tolist(), cross.tolist(), strict=True
-        ):
+        for step_s, desired, beside in zip(steps_s.tolist(), desired_um.tolist(), cross.tolist(), strict=True):
             self.last_voltage_v = memory.advance(compensator, desired, step_s, beside)
 
 
@@ -257,9 +253,7 @@ def displacement_for_voltage(
     for k in range(60):
         if high_error - low_error < 1e-12 or high - low <= 1e-13 * max(abs(high), 1e-3):
             break
-        middle = (
-            low - low_error * (high - low) / (high_error - low_error) if k % 4 != 3 else 0.5 * (low + high)
-        )
+        middle = low - low_error * (high - low) / (high_error - low_error) if k % 4 != 3 else 0.5 * (low + high)
         middle_error = error(middle)
         if abs(middle_error) < 1e-12:
             return middle

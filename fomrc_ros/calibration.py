@@ -48,15 +48,11 @@ class Calibration:
         self._doing = ""
         self.is_running = False
         values = node.parameters.values
-        self._drive = StageDrive(
-            node, position_interface(values["interface"], values["joint_name"]), values["rate_hz"]
-        )
+        self._drive = StageDrive(node, position_interface(values["interface"], values["joint_name"]), values["rate_hz"])
         name = values["compensator"]
         self._change_state = node.create_client(ChangeState, f"{name}/change_state")
         self._get_state = node.create_client(GetState, f"{name}/get_state")
-        self._set_parameters = node.create_client(
-            SetParametersAtomically, f"{name}/set_parameters_atomically"
-        )
+        self._set_parameters = node.create_client(SetParametersAtomically, f"{name}/set_parameters_atomically")
         self._assume_relaxed = node.create_client(Trigger, f"{name}/assume_relaxed")
         self._waiting: list[tuple[Future, Future, int]] = []
         self._n_looks = self._moved_at = self._n_done_before = 0
@@ -104,9 +100,7 @@ class Calibration:
             self._go_on()
             answer = await self._work(
                 fit_work.fit,
-                FitRequest(
-                    (recording,), settings.values["n_elements"], settings.values["method"], output_path
-                ),
+                FitRequest((recording,), settings.values["n_elements"], settings.values["method"], output_path),
             )
             self._go_on()
             self._say(6, "putting the model in force")
@@ -127,9 +121,7 @@ class Calibration:
         self._say(1, "relaxing")
         await self._drive_all([middle], is_ramp=True)
         await self._drive_all(self._relaxation())
-        triangle = excitation.triangle(
-            amplitude, slope_v_per_s=values["calibrate_slope_v_per_s"], rate_hz=rate_hz
-        )
+        triangle = excitation.triangle(amplitude, slope_v_per_s=values["calibrate_slope_v_per_s"], rate_hz=rate_hz)
         staircase = excitation.staircase(
             amplitude, step_v=values["calibrate_step_v"], dwell_s=values["calibrate_dwell_s"], rate_hz=rate_hz
         )

@@ -283,9 +283,7 @@ def _records(journal: Path) -> list[tuple[float, float, float, float, float]]:
         record = content[at : at + _RECORD.size]
         (check,) = _CHECK.unpack(content[at + _RECORD.size : at + _RECORD_BYTES])
         values = _RECORD.unpack(record)
-        if check != zlib.crc32(record) or not (
-            np.all(np.isfinite((*values[:3], values[4]))) and values[1] > 0.0
-        ):
+        if check != zlib.crc32(record) or not (np.all(np.isfinite((*values[:3], values[4]))) and values[1] > 0.0):
             raise StorageError("journal is damaged", where=where, value=f"record {at // _RECORD_BYTES}")
         records.append(values)
     return records

@@ -2,58 +2,35 @@
 
 from __future__ import annotations
 
-import functools
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
 from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
 
-from fomrc_core import excitation
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_ros.checkpoint import CheckpointWriter, discard_checkpoint, read_checkpoint
 from fomrc_ros.compensation_loop import CompensationLoop
 from fomrc_ros.compensator_parameters import CompensatorSettings, SettingsBuilder, compensator_specs
 from fomrc_ros.compensator_report import describe
+from fomrc_ros.compensator_services import CompensatorServices
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.diagnostics import DiagnosticsPublisher, Report
+from fomrc_ros.lifecycle_log import logged
 from fomrc_ros.loop_timing import LoopTiming
 from fomrc_ros.model_parameters import effect_spec, parameters_of_effects
 from fomrc_ros.node_parameters import NodeParameters
 from fomrc_ros.node_runtime import run
-from fomrc_ros.parameter_files import confined_path, read_parameter_file
+from fomrc_ros.parameter_files import confined_path
 from fomrc_ros.qualities import COMMAND, overridable
 from fomrc_ros.tick_grid import TickGrid
 
 _SAID_AGAIN_AFTER_S = 5.0
 # A ramp that has not ended by this much after its due time has no clock to end by.
 _STOP_GRACE_S = 1.0
-
-Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
-
-
-def logged(transition: Transition) -> Transition:
-    """Log what goes wrong in a lifecycle callback; the client library swallows it."""
-
-    @functools.wraps(transition)
-    def guarded(self: Any, state: LifecycleState) -> TransitionCallbackReturn:
-        try:
-            return transition(self, state)
-        except FomrcError as error:
-            self.problem = str(error)
-            self.get_logger().error(f"{transition.__name__}: {error}")
-            return TransitionCallbackReturn.FAILURE
-        except Exception as error:
-            self.problem = f"{type(error).__name__}: {error}"
-            self.get_logger().error(f"{transition.__name__}: {self.problem}")
-            return TransitionCallbackReturn.ERROR
-
-    return guarded
 
 
 class CompensatorNode(LifecycleNode):
@@ -69,7 +46,6 @@ class CompensatorNode(LifecycleNode):
         self.last_refusal = ""
         self.is_active = False
         self._stop_deadline_s: float | None = None
-        self._relaxing: list[Future] = []
         self.parameters = NodeParameters(
             self, compensator_specs(), SettingsBuilder(), self._apply, effect_spec, parameters_of_effects
         )
@@ -99,9 +75,7 @@ class CompensatorNode(LifecycleNode):
         self._message = Float64()
         self._timer = self.create_timer(self.period_s, self._tick)
         self._timer.cancel()
-        self.create_service(Trigger, "~/reload_parameters", self._on_reload)
-        self.create_service(Trigger, "~/relax", self._on_relax)
-        self.create_service(Trigger, "~/assume_relaxed", self._on_assume_relaxed)
+        self._services_offered = CompensatorServices(self)
         self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
 
     @property
@@ -110,12 +84,14 @@ class CompensatorNode(LifecycleNode):
         settings: CompensatorSettings = self.parameters.settings
         return settings
 
+    @property
+    def is_stopping(self) -> bool:
+        """Whether the node has been told to stop."""
+        return self._stop_deadline_s is not None
+
     def autostart(self) -> None:
         """Configure and activate where the parameter ``autostart`` says so."""
-        if (
-            self.parameters.values["autostart"]
-            and self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        ):
+        if self.parameters.values["autostart"] and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
     # lifecycle
@@ -132,9 +108,7 @@ class CompensatorNode(LifecycleNode):
         self.problem = ""
         checkpoint_file = self.parameters.values["checkpoint_file"]
         if checkpoint_file:
-            path = confined_path(
-                checkpoint_file, self.parameters.values["allowed_folders"], "checkpoint_file"
-            )
+            path = confined_path(checkpoint_file, self.parameters.values["allowed_folders"], "checkpoint_file")
             self._resume(path)
             self.checkpoint = CheckpointWriter(path, self.parameters.values["checkpoint_period_s"])
         if self.loop is None:
@@ -153,7 +127,7 @@ class CompensatorNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Bring the voltage to where it may stay, then stop publishing."""
         self._timer.cancel()
-        self._end_routine("deactivated")
+        self._services_offered.end_routine("deactivated")
         self._ramp_now()
         self.is_active = False
         return super().on_deactivate(state)
@@ -168,7 +142,7 @@ class CompensatorNode(LifecycleNode):
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Bring the voltage to where it may stay, and end."""
         self._timer.cancel()
-        self._end_routine("shut down")
+        self._services_offered.end_routine("shut down")
         if self.is_active:
             self._ramp_now()
         self.is_active = False
@@ -198,9 +172,7 @@ class CompensatorNode(LifecycleNode):
             resumed = read_checkpoint(path, compensator, self.period_s)
         except StorageError as error:
             aside = discard_checkpoint(path)
-            self.problem = (
-                f"checkpoint refused ({error}); moved to {aside.name}; the memory is unknown: call ~/relax"
-            )
+            self.problem = f"checkpoint refused ({error}); moved to {aside.name}; the memory is unknown: call ~/relax"
             self.get_logger().error(self.problem)
             return
         if resumed is None:
@@ -215,7 +187,7 @@ class CompensatorNode(LifecycleNode):
         """Ramp to the safe voltage where the policy says so, then end; called until it has."""
         now = time.monotonic()
         if self._stop_deadline_s is None:
-            self._end_routine("shutting down")
+            self._services_offered.end_routine("shutting down")
             limits = self.settings.loop.limits
             travel_v = limits.maximum_v - limits.minimum_v
             ramp_s = travel_v / min(limits.safe_ramp_v_per_s, limits.slew_v_per_s)
@@ -273,12 +245,11 @@ class CompensatorNode(LifecycleNode):
             return
         began = self.timing.begin()
         step_s = self._grid.step_s(1e-9 * self.get_clock().now().nanoseconds)
-        is_stopping = self._stop_deadline_s is not None
-        voltage_v = loop.tick_to_safe(step_s) if is_stopping and self._ramps_to_stop() else loop.tick(step_s)
+        voltage_v = loop.tick_to_safe(step_s) if self.is_stopping and self._ramps_to_stop() else loop.tick(step_s)
         if voltage_v is not None:
             self._publish(loop, voltage_v, step_s)
-        if self._relaxing and not loop.is_in_routine:
-            self._finish_relaxing("")
+        if not loop.is_in_routine:
+            self._services_offered.finish_relaxing("")
         self.timing.end(began)
 
     def _publish(self, loop: CompensationLoop, voltage_v: float, step_s: float) -> None:
@@ -303,68 +274,6 @@ class CompensatorNode(LifecycleNode):
         loop.settings = settings.loop
         if settings.compensator is not None and settings.compensator is not loop.newest_compensator:
             loop.swap(settings.compensator)
-
-    # services
-
-    def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        values = self.parameters.values
-        try:
-            path = confined_path(values["parameters_file"], values["allowed_folders"], "parameters_file")
-            self.parameters.set_all(read_parameter_file(path, self.get_fully_qualified_name()))
-            response.success, response.message = True, f"parameters of {path} are in force"
-        except FomrcError as error:
-            response.success, response.message = False, str(error)
-        except Exception as error:
-            response.success, response.message = False, f"{type(error).__name__}: {error}"
-        if not response.success:
-            self.get_logger().error(f"reload refused: {response.message}")
-        return response
-
-    async def _on_relax(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        loop = self.loop
-        if loop is None or not self.is_active or self._stop_deadline_s is not None:
-            response.success, response.message = False, "not active: activate first"
-            return response
-        if loop.is_in_routine:
-            response.success, response.message = False, "a routine runs already"
-            return response
-
-        settings = self.settings
-        routine = excitation.relaxation(
-            settings.relax_amplitude_v,
-            duration_s=settings.relax_duration_s,
-            frequency_hz=settings.relax_frequency_hz,
-            rate_hz=1.0 / self.period_s,
-        )
-        loop.start_routine(iter(routine.voltage_v.tolist()))
-        finished = Future(executor=self.executor)
-        self._relaxing.append(finished)
-        reason = await finished
-        response.success = not reason
-        response.message = reason or "relaxed"
-        return response
-
-    def _on_assume_relaxed(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.loop is None:
-            response.success, response.message = False, "not configured"
-        else:
-            self.loop.set_relaxed()
-            self.problem = ""
-            response.success, response.message = True, "the actuator counts as relaxed from now on"
-        return response
-
-    def _finish_relaxing(self, reason: str) -> None:
-        if not reason:
-            self.problem = ""
-        waiting, self._relaxing = self._relaxing, []
-        for finished in waiting:
-            finished.set_result(reason)
-
-    def _end_routine(self, reason: str) -> None:
-        if self.loop is not None:
-            self.loop.cancel_routine()
-        if self._relaxing:
-            self._finish_relaxing(reason)
 
     def _describe(self) -> Report:
         return describe(self)

@@ -37,9 +37,7 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
         ParameterSpec(
             "interface", "float64", "message type of desired_position", choices=INTERFACES, is_read_only=True
         ),
-        ParameterSpec(
-            "joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True
-        ),
+        ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         *LIMIT_SPECS,
         ParameterSpec(
             "stale_after_s",
@@ -156,10 +154,7 @@ class SettingsBuilder:
         """
         limits = VoltageLimits.from_values(values)
         amplitude = values["relax_amplitude_v"]
-        if (
-            not limits.minimum_v <= 0.0 <= limits.maximum_v
-            and not amplitude < limits.maximum_v - limits.minimum_v
-        ):
+        if not limits.minimum_v <= 0.0 <= limits.maximum_v and not amplitude < limits.maximum_v - limits.minimum_v:
             raise ParameterError("wider than the voltage limits", where="relax_amplitude_v", value=amplitude)
         return CompensatorSettings(
             self._made(values),

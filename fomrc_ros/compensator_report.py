@@ -14,9 +14,7 @@ if TYPE_CHECKING:
 def describe(node: CompensatorNode) -> Report:
     """Return the compensator's report."""
     timing, loop = node.timing.report(), node.loop
-    report = Report(
-        values={"active": node.is_active, "parameters_file": node.parameters.values["parameters_file"]}
-    )
+    report = Report(values={"active": node.is_active, "parameters_file": node.parameters.values["parameters_file"]})
     if node.problem:
         report.worsen(ERROR if loop is None else WARN, node.problem)
     if loop is None:

@@ -111,7 +111,7 @@ class JointStatePosition(PositionInterface):
         return message
 
     def position_m(self, message: JointState) -> float:
-        """Return the position of the joint [m], unchecked; raises InputError where it is not in the message."""
+        """Return the position of the joint [m], unchecked; raises InputError where it is missing."""
         names = list(message.name)
         if not names:
             k = 0

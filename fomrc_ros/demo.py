@@ -52,9 +52,7 @@ _REPEATS = 2
 def main(arguments: list[str] | None = None) -> int:
     """Run the demo; return 0 where it met the paper's figures."""
     parser = argparse.ArgumentParser(prog="fomrc demo", description=__doc__)
-    parser.add_argument(
-        "--output", type=Path, default=Path("demo_output"), help="folder for model and figures"
-    )
+    parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder for model and figures")
     options = parser.parse_args(arguments)
     return run(options.output)
 
@@ -121,9 +119,7 @@ def _calibrate(folder: Path, progress: Progress) -> tuple[Path, float, str]:
     return model_path, gain, text
 
 
-def _experiments(
-    model_path: Path, gain_um_per_v: float, progress: Progress
-) -> list[tuple[Response, Response]]:
+def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> list[tuple[Response, Response]]:
     """Drive both experiments through topics; return with and without compensation for each."""
     domain_id = random.randint(1, 100)
     environment = private_environment(domain_id)
@@ -177,9 +173,7 @@ def _experiments(
     return results
 
 
-def _drive(
-    driver: Driver, executor: Any, target: Target, again: str, progress: Progress
-) -> tuple[Response, Response]:
+def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: Progress) -> tuple[Response, Response]:
     duration_s = target.desired_um.size / RATE_HZ
     task = progress.add_task(f"{target.name}, {duration_s:.0f} s{again}", total=1.0)
 

@@ -113,9 +113,7 @@ class Driver(Node):
         self._voltage = self.create_publisher(Float64, f"{UNCOMPENSATED}/voltage", COMMAND)
         self._seen: dict[str, list[tuple[float, float]]] = {COMPENSATED: [], UNCOMPENSATED: []}
         for axis, seen in self._seen.items():
-            self.create_subscription(
-                JointState, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT
-            )
+            self.create_subscription(JointState, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT)
         self._sent: list[tuple[float, float]] = []
         self._target: Array | None = None
         self._next = 0
@@ -127,9 +125,7 @@ class Driver(Node):
     @property
     def is_ready(self) -> bool:
         """Whether both axes answer."""
-        has_listeners = (
-            self._position.get_subscription_count() > 0 and self._voltage.get_subscription_count() > 0
-        )
+        has_listeners = self._position.get_subscription_count() > 0 and self._voltage.get_subscription_count() > 0
         return has_listeners and all(self._seen.values())
 
     def wait_until_ready(self, executor: object, check: Callable[[], None]) -> None:

@@ -18,17 +18,13 @@ _WITH, _WITHOUT, _WANTED = "#0a6ebd", "#c8553d", "#333333"
 def draw_tracking(top: Axes, bottom: Axes, compensated: Response, uncompensated: Response) -> None:
     """Draw displacement and error against time, figure 15."""
     top.plot(compensated.time_s, compensated.desired_um, color=_WANTED, lw=2.5, alpha=0.35, label="desired")
-    top.plot(
-        uncompensated.time_s, uncompensated.measured_um, color=_WITHOUT, lw=1.0, label="without compensation"
-    )
+    top.plot(uncompensated.time_s, uncompensated.measured_um, color=_WITHOUT, lw=1.0, label="without compensation")
     top.plot(compensated.time_s, compensated.measured_um, color=_WITH, lw=1.0, label="with compensation")
     top.set_ylabel("displacement [um]")
     top.legend(loc="upper right", fontsize=8, frameon=False)
     for response, color in ((uncompensated, _WITHOUT), (compensated, _WITH)):
         error_nm = 1e3 * (response.measured_um - response.desired_um)
-        bottom.plot(
-            response.time_s, error_nm, color=color, lw=0.8, label=f"NRMSE {response.nrmse_percent:.2f} %"
-        )
+        bottom.plot(response.time_s, error_nm, color=color, lw=0.8, label=f"NRMSE {response.nrmse_percent:.2f} %")
     bottom.set_xlabel("time [s]")
     bottom.set_ylabel("error [nm]")
     bottom.legend(loc="upper right", fontsize=8, frameon=False)
@@ -48,9 +44,7 @@ def draw_linearity(axes: Axes, compensated: Response, uncompensated: Response) -
     axes.legend(loc="upper left", fontsize=8, frameon=False)
 
 
-def save_figures(
-    tracking: tuple[Response, Response], triangle: tuple[Response, Response], folder: Path
-) -> list[Path]:
+def save_figures(tracking: tuple[Response, Response], triangle: tuple[Response, Response], folder: Path) -> list[Path]:
     """Save both figures, and the two side by side as one picture; each pair is with, without compensation."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "figure_15_tracking.png", folder / "figure_16_linearity.png", folder / "demo.png"]

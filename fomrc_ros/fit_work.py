@@ -22,12 +22,14 @@ class RecordingFiles:
         test_path: a file the result is tried on, "" for none.
         columns: which column is what, for files without a header: "" or e.g. "voltage=0,displacement=4".
         rate_hz: sampling rate of files without a time column [Hz], 0 where they have one.
+        topics: which topic of a rosbag2 folder is what: "" or e.g. "voltage=/axis1/voltage".
     """
 
     paths: tuple[str, ...]
     test_path: str = ""
     columns: str = ""
     rate_hz: float = 0.0
+    topics: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,24 @@ def columns_of(text: str) -> dict[str, int | None]:
     for entry in text.split(","):
         quantity, _, number = (part.strip() for part in entry.partition("="))
         if not quantity or not (number == "none" or number.isdigit()):
-            raise InputError(
-                "not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0"
-            )
+            raise InputError("not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0")
         columns[quantity] = None if number == "none" else int(number)
     return columns
+
+
+def topics_of(text: str) -> dict[str, str]:
+    """Return topics by quantity from e.g. ``voltage=/axis1/voltage,displacement=/axis1/displacement``.
+
+    Raises:
+        InputError: an entry that is not ``quantity=topic``.
+    """
+    topics = {}
+    for entry in text.split(","):
+        quantity, _, topic = (part.strip() for part in entry.partition("="))
+        if not quantity or not topic:
+            raise InputError("not a topic", where="topics", value=entry, allowed="quantity=topic")
+        topics[quantity] = topic
+    return topics
 
 
 def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None]:
@@ -100,6 +115,8 @@ def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None
         options["columns"] = columns_of(files.columns)
     if files.rate_hz > 0.0:
         options["rate_hz"] = files.rate_hz
+    if files.topics:
+        options["topics"] = topics_of(files.topics)
     recordings = [read_recording(Path(path), **options) for path in files.paths]
     test = read_recording(Path(files.test_path), **options) if files.test_path else None
     return recordings, test
@@ -131,14 +148,17 @@ def fit(request: FitRequest, tell: Tell) -> FitAnswer:
 
 
 def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
-    """Diagnose the recordings, write the reports and return the findings in one line."""
-    from fomrc_core import diagnosis, report
+    """Diagnose the recordings, write report and extended model, and return the summary in one line."""
+    from fomrc_core.report import write_report
+
+    from fomrc_core.diagnosis import diagnose as find_causes
     from fomrc_core.storage import read_model
 
     tell(0.0, "reading")
     recordings, test = read_files(request.recordings)
     model = read_model(Path(request.model_path)) if request.model_path else None
-    found = diagnosis.diagnose(recordings, test=test, model=model, progress=tell)
-    report.write_diagnosis(found, Path(request.output_folder))
-    causes = ", ".join(str(finding.effect_name) for finding in found.findings)
-    return causes or "nothing beside hysteresis and creep"
+    found = find_causes(recordings, test=test, model=model, progress=tell)
+    folder = Path(request.output_folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_report(found, folder)
+    return " ".join(str(found.summary()).split())

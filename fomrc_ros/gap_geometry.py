@@ -24,9 +24,7 @@ GEOMETRY_SPEC = ParameterSpec(
     "3x3 matrix, row by row: displacement of each actuator [m] per piston [m], tip [rad], tilt [rad]",
     unit="1, m, m",
 )
-AXES_SPEC = ParameterSpec(
-    "axes", ["axis1", "axis2", "axis3"], "namespaces of the three axes", is_read_only=True
-)
+AXES_SPEC = ParameterSpec("axes", ["axis1", "axis2", "axis3"], "namespaces of the three axes", is_read_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +42,11 @@ class GapGeometry:
 
     def __post_init__(self) -> None:
         if self.matrix.size != 9:
-            raise ParameterError(
-                "not a 3x3 matrix", where="geometry", value=self.matrix.size, allowed="9 numbers"
-            )
+            raise ParameterError("not a 3x3 matrix", where="geometry", value=self.matrix.size, allowed="9 numbers")
         matrix = np.array(self.matrix, dtype=np.float64).reshape(3, 3)
         # Columns are in different units: only their directions can say whether they can be told apart.
         lengths = np.linalg.norm(matrix, axis=0)
-        if (
-            np.any(lengths == 0.0)
-            or np.linalg.cond(matrix / np.where(lengths, lengths, 1.0)) > _WORST_CONDITION
-        ):
+        if np.any(lengths == 0.0) or np.linalg.cond(matrix / np.where(lengths, lengths, 1.0)) > _WORST_CONDITION:
             raise ParameterError(
                 "motions cannot be told apart",
                 where="geometry",
@@ -81,12 +74,8 @@ def motions_of(message: JointState) -> Array:
     found = dict(zip(message.name, message.position, strict=False))
     missing = [name for name in MOTIONS if name not in found]
     if missing:
-        raise InputError(
-            "not in the message", where="JointState.name", value=missing, allowed=", ".join(MOTIONS)
-        )
+        raise InputError("not in the message", where="JointState.name", value=missing, allowed=", ".join(MOTIONS))
     motions = np.array([found[name] for name in MOTIONS])
     if not np.all(np.isfinite(motions)):
-        raise InputError(
-            "not finite", where="JointState.position", value=motions.tolist(), allowed="finite numbers"
-        )
+        raise InputError("not finite", where="JointState.position", value=motions.tolist(), allowed="finite")
     return motions

@@ -63,19 +63,15 @@ class _GapNode(Node):
 
 
 class GapCommand(_GapNode):
-    """Subscribes ``desired_gap`` (JointState: piston, tip, tilt), publishes each axis's ``desired_position``."""
+    """Subscribes ``desired_gap`` (JointState: piston, tip, tilt), publishes ``desired_position`` per axis."""
 
     def __init__(self) -> None:
         super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC))
         self._axes = [
-            self.create_publisher(
-                Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable()
-            )
+            self.create_publisher(Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable())
             for axis in self.parameters.values["axes"]
         ]
-        self.create_subscription(
-            JointState, "desired_gap", self._on_gap, COMMAND, qos_overriding_options=overridable()
-        )
+        self.create_subscription(JointState, "desired_gap", self._on_gap, COMMAND, qos_overriding_options=overridable())
 
     def _on_gap(self, message: JointState) -> None:
         try:
@@ -83,14 +79,12 @@ class GapCommand(_GapNode):
         except FomrcError as error:
             self.refuse(error)
             return
-        for publisher, position in zip(
-            self._axes, self.parameters.settings.displacements_m(motions), strict=True
-        ):
+        for publisher, position in zip(self._axes, self.parameters.settings.displacements_m(motions), strict=True):
             publisher.publish(Float64(data=float(position)))
 
 
 class GapMonitor(_GapNode):
-    """Subscribes each axis's ``displacement``, publishes ``gap`` (JointState: piston, tip, tilt) at ``rate_hz``."""
+    """Subscribes ``displacement`` per axis, publishes ``gap`` (JointState: piston, tip, tilt)."""
 
     def __init__(self) -> None:
         super().__init__("gap_monitor", (GEOMETRY_SPEC, AXES_SPEC, _RATE_SPEC))
@@ -103,9 +97,7 @@ class GapMonitor(_GapNode):
                 MEASUREMENT,
                 qos_overriding_options=overridable(),
             )
-        self._publisher = self.create_publisher(
-            JointState, "gap", MEASUREMENT, qos_overriding_options=overridable()
-        )
+        self._publisher = self.create_publisher(JointState, "gap", MEASUREMENT, qos_overriding_options=overridable())
         self.create_timer(1.0 / self.parameters.values["rate_hz"], self._tick)
 
     def _listener(self, k: int) -> Callable[[Float64], None]:

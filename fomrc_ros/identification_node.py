@@ -57,9 +57,7 @@ class IdentificationNode(Node):
         self._worker: WorkerProcess | None = None
         self._finished: Future | None = None
         self._calibration = Calibration(self, self._work)
-        self._publisher = self.create_publisher(
-            String, "~/model", LATCHED, qos_overriding_options=overridable()
-        )
+        self._publisher = self.create_publisher(String, "~/model", LATCHED, qos_overriding_options=overridable())
         for name, job in (
             ("identify", self._identify),
             ("diagnose", self._diagnose),
@@ -175,7 +173,7 @@ class IdentificationNode(Node):
         test_path = values["test_recording"]
         if test_path:
             test_path = str(confined_path(test_path, folders, "test_recording"))
-        return RecordingFiles(paths, test_path, values["columns"], values["record_rate_hz"])
+        return RecordingFiles(paths, test_path, values["columns"], values["record_rate_hz"], values["topics"])
 
     def _path(self, name: str) -> str:
         values = self.parameters.values

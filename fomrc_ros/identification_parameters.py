@@ -15,8 +15,9 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
     return (
         ParameterSpec("recordings", [], "files to fit: CSV, plain columns, rosbag2", kind=Kind.STRING_ARRAY),
         ParameterSpec("test_recording", "", "file the result is tried on, none if empty"),
+        ParameterSpec("columns", "", "columns of files without a header, e.g. time=none,voltage=0,displacement=4"),
         ParameterSpec(
-            "columns", "", "columns of files without a header, e.g. time=none,voltage=0,displacement=4"
+            "topics", "", "topics of rosbag2 folders, e.g. voltage=/axis1/voltage,displacement=/axis1/displacement"
         ),
         ParameterSpec(
             "record_rate_hz",
@@ -39,15 +40,9 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
             "folders files may be read from and written to",
             is_read_only=True,
         ),
-        ParameterSpec(
-            "compensator", "compensator", "name of the compensator that is calibrated", is_read_only=True
-        ),
-        ParameterSpec(
-            "interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True
-        ),
-        ParameterSpec(
-            "joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True
-        ),
+        ParameterSpec("compensator", "compensator", "name of the compensator that is calibrated", is_read_only=True),
+        ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
+        ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         ParameterSpec(
             "rate_hz",
             1000.0,
@@ -66,9 +61,7 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
             minimum=1e-3,
             maximum=1000.0,
         ),
-        ParameterSpec(
-            "calibrate_slope_v_per_s", 1.0, "slope of the triangle", unit="V/s", minimum=1e-3, maximum=1e4
-        ),
+        ParameterSpec("calibrate_slope_v_per_s", 1.0, "slope of the triangle", unit="V/s", minimum=1e-3, maximum=1e4),
         ParameterSpec(
             "calibrate_step_v",
             0.25,

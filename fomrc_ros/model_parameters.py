@@ -1,4 +1,4 @@
-"""The model's parameters, under ``model.`` exactly as in a model file, so that a model file is a parameter file."""
+"""The model's parameters, under ``model.`` as in a model file: a model file is a parameter file."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ MODEL_SPECS = (
         unit="V",
     ),
     ParameterSpec("model.creep_order", 0.0, "creep order alpha", minimum=0.0, maximum=1.0, unit="1"),
-    ParameterSpec(
-        "model.effects", [], "names of the effects beside hysteresis and creep", kind=Kind.STRING_ARRAY
-    ),
+    ParameterSpec("model.effects", [], "names of the effects beside hysteresis and creep", kind=Kind.STRING_ARRAY),
 )
 
 
@@ -92,9 +90,7 @@ def model_from_values(values: Mapping[str, Any]) -> PiezoModel | None:
         mapping["effects"] = effects
     for effect_name in effects:
         start = f"{PREFIX}{effect_name}."
-        mapping[effect_name] = {
-            name[len(start) :]: value for name, value in values.items() if name.startswith(start)
-        }
+        mapping[effect_name] = {name[len(start) :]: value for name, value in values.items() if name.startswith(start)}
     return PiezoModel.from_mapping(mapping, where="model")
 
 

@@ -87,9 +87,7 @@ class ParameterSpec:
             low = -math.inf if self.minimum is None else self.minimum
             high = math.inf if self.maximum is None else self.maximum
             if self.kind is Kind.DOUBLE:
-                descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=low, to_value=high, step=0.0)
-                ]
+                descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
             elif self.kind is Kind.INTEGER:
                 descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
         return descriptor
@@ -103,9 +101,7 @@ class ParameterSpec:
         element = _ELEMENT_KINDS.get(self.kind)
         if element is None:
             return self._checked(value, self.kind, self.name)
-        if isinstance(value, (str, bytes)) or (
-            not isinstance(value, Sequence) and not hasattr(value, "__len__")
-        ):
+        if isinstance(value, (str, bytes)) or (not isinstance(value, Sequence) and not hasattr(value, "__len__")):
             raise ParameterError("not a list", where=self.name, value=value, allowed=self.allowed)
         if len(value) > _LONGEST_LIST:
             raise ParameterError(
@@ -128,8 +124,7 @@ class ParameterSpec:
         if kind is Kind.DOUBLE and not math.isfinite(value):
             raise ParameterError("not finite", where=where, value=value, allowed=self.allowed)
         if kind in (Kind.DOUBLE, Kind.INTEGER) and (
-            (self.minimum is not None and value < self.minimum)
-            or (self.maximum is not None and value > self.maximum)
+            (self.minimum is not None and value < self.minimum) or (self.maximum is not None and value > self.maximum)
         ):
             raise ParameterError("out of range", where=where, value=value, allowed=self.allowed)
         if kind is Kind.INTEGER and not -(2**63) <= value < 2**63:

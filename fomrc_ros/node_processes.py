@@ -1,4 +1,4 @@
-"""Nodes as processes of their own, started and ended from Python: for the demo, where there is no launch system."""
+"""Nodes as processes of their own, started and ended from Python, where there is no launch system."""
 
 from __future__ import annotations
 

@@ -69,9 +69,7 @@ def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
         raise StorageError("not a file", where=where)
     content = load_yaml(read_text(path, n_bytes_max=LARGEST_PARAMETER_FILE_BYTES), where)
     if not isinstance(content, dict):
-        raise StorageError(
-            "no parameters in it", where=where, value=content, allowed="/**: {ros__parameters: {...}}"
-        )
+        raise StorageError("no parameters in it", where=where, value=content, allowed="/**: {ros__parameters: {...}}")
     found: dict[str, Any] = {}
     is_for_us = False
     for key in sorted(content, key=_how_special):

@@ -43,16 +43,10 @@ SPECS = (
         is_read_only=True,
     ),
     ParameterSpec("noise_rms_m", 1e-9, "rms of the sensor noise", unit="m", minimum=0.0, maximum=1e-3),
-    ParameterSpec(
-        "quantization_m", 0.0, "step of the sensor, 0 for none", unit="m", minimum=0.0, maximum=1e-3
-    ),
+    ParameterSpec("quantization_m", 0.0, "step of the sensor, 0 for none", unit="m", minimum=0.0, maximum=1e-3),
     ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, is_read_only=True),
-    ParameterSpec(
-        "interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True
-    ),
-    ParameterSpec(
-        "joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True
-    ),
+    ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
+    ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
     *MODEL_SPECS,
 )
 
@@ -83,9 +77,7 @@ class SimulatedPea(Node):
         super().__init__("simulated_pea", allow_undeclared_parameters=True)
         self.stopped = Future()
         self._plant: Plant | None = None
-        self.parameters = NodeParameters(
-            self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects
-        )
+        self.parameters = NodeParameters(self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects)
         values = self.parameters.values
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])
@@ -103,9 +95,7 @@ class SimulatedPea(Node):
         self._publisher = self.create_publisher(
             self._interface.message_type, "displacement", MEASUREMENT, qos_overriding_options=overridable()
         )
-        self.create_subscription(
-            Float64, "voltage", self._on_voltage, COMMAND, qos_overriding_options=overridable()
-        )
+        self.create_subscription(Float64, "voltage", self._on_voltage, COMMAND, qos_overriding_options=overridable())
         self.create_timer(period_s, self._tick)
         self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
 
@@ -155,9 +145,7 @@ class SimulatedPea(Node):
         step_s = self._grid.step_s(1e-9 * now.nanoseconds)
         settings = self._settings
         true_um = settings.plant.advance(self._state, self._voltage_v, step_s)
-        seen_um = (
-            true_um + settings.noise_um * self._random.standard_normal() if settings.noise_um else true_um
-        )
+        seen_um = true_um + settings.noise_um * self._random.standard_normal() if settings.noise_um else true_um
         if settings.quantization_um:
             seen_um = settings.quantization_um * round(seen_um / settings.quantization_um)
         self._displacement_um = seen_um

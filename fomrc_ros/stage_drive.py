@@ -61,9 +61,7 @@ class StageDrive:
         """Begin to listen to displacement, and to what others publish as voltage."""
         if self._subscriptions:
             return
-        self._publisher = self._node.create_publisher(
-            Float64, "voltage", COMMAND, qos_overriding_options=overridable()
-        )
+        self._publisher = self._node.create_publisher(Float64, "voltage", COMMAND, qos_overriding_options=overridable())
         self._subscriptions = [
             self._node.create_subscription(
                 self._interface.message_type,
@@ -125,9 +123,7 @@ class StageDrive:
         """
         sent, seen = np.array(self._sent), np.array(self._seen)
         if len(seen) < 0.5 * len(sent) or len(sent) < 10:
-            raise FomrcError(
-                f"only {len(seen)} displacements for {len(sent)} voltages: is the stage running?"
-            )
+            raise FomrcError(f"only {len(seen)} displacements for {len(sent)} voltages: is the stage running?")
         seen = seen[np.concatenate(([True], np.diff(seen[:, 0]) > 0.0))]
         lag_s = best_lag_s(sent, seen, self.period_s)
         inside = (sent[:, 0] + lag_s >= seen[0, 0]) & (sent[:, 0] + lag_s <= seen[-1, 0])
@@ -154,7 +150,8 @@ class StageDrive:
         self.voltage_v = self._message.data = voltage_v
         self._publisher.publish(self._message)
         if self._is_recording:
-            self._sent.append((now_s, voltage_v))
+            # The clock may not have moved between two ticks, where it is simulated; the grid has.
+            self._sent.append((self._grid.time_s, voltage_v))
 
     def _end(self, reason: str) -> None:
         self.is_driving = False

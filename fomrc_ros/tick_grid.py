@@ -20,6 +20,11 @@ class TickGrid:
         self.period_s = period_s
         self._time_s: float | None = None
 
+    @property
+    def time_s(self) -> float:
+        """Where on the grid the last tick was [s]; never the same twice."""
+        return 0.0 if self._time_s is None else self._time_s
+
     def restart(self) -> None:
         """Forget the last tick; the next one makes one period."""
         self._time_s = None

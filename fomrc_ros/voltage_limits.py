@@ -30,9 +30,7 @@ LIMIT_SPECS = (
         minimum=-_LARGEST_VOLTAGE_V,
         maximum=_LARGEST_VOLTAGE_V,
     ),
-    ParameterSpec(
-        "slew_limit_v_per_s", 500.0, "fastest change of voltage", unit="V/s", minimum=1e-3, maximum=1e7
-    ),
+    ParameterSpec("slew_limit_v_per_s", 500.0, "fastest change of voltage", unit="V/s", minimum=1e-3, maximum=1e7),
     ParameterSpec(
         "safe_voltage_v",
         0.0,

@@ -1,4 +1,4 @@
-"""Long work in a process of its own, so that no loop stops: progress on the way, a result or a reason at the end."""
+"""Long work in a process of its own, so that no loop stops; it tells its progress, then result or reason."""
 
 from __future__ import annotations
 

@@ -6,10 +6,11 @@ ros2 launch fomrc_ros tunable_filter.launch.py parameters:=/path/to/tunable_filt
 import os
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from launch import LaunchDescription
 
 
 def make_nodes(context):

@@ -66,9 +66,7 @@ def _die_with_the_test() -> None:
 class NodeUnderTest:
     """One node in a process of its own."""
 
-    def __init__(
-        self, kind: str, folder: Path, *files: Path, namespace: str = "", **parameters: object
-    ) -> None:
+    def __init__(self, kind: str, folder: Path, *files: Path, namespace: str = "", **parameters: object) -> None:
         self.kind, self.namespace = kind, namespace
         self.name = f"{namespace}/{kind}"
         self._output = folder / f"{kind}{time.monotonic_ns()}.log"
@@ -84,9 +82,7 @@ class NodeUnderTest:
         if namespace:
             command += ["-r", f"__ns:={namespace}"]
         for name, value in parameters.items():
-            shown = (
-                str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
-            )
+            shown = str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
             command += ["-p", f"{name}:={shown}"]
         environment = dict(os.environ, PYTHONPATH=str(REPOSITORY))
         with self._output.open("wb") as output:
@@ -239,9 +235,7 @@ def _message(name: str, value: object):
 def journal_records(checkpoint: Path) -> np.ndarray:
     """Return the ticks the compensator noted: wall time, step [s], followed [um], voltage [V], second axis."""
     rows = []
-    for journal in sorted(
-        checkpoint.parent.glob(checkpoint.name + ".journal.*"), key=lambda p: int(p.suffix[1:])
-    ):
+    for journal in sorted(checkpoint.parent.glob(checkpoint.name + ".journal.*"), key=lambda p: int(p.suffix[1:])):
         content = journal.read_bytes()
         rows += [struct.unpack_from("<ddddd", content, at) for at in range(0, len(content) - 43, 44)]
     return np.array(rows)[:, [0, 1, 2, 4, 3]]

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+import time
 
 import numpy as np
 import yaml
 from harness import MODEL, model_file
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -36,9 +40,7 @@ def test_calibrated_stage_follows(tmp_path, probe, start):
     answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
     assert answer.success, answer.message
     assert probe.state(compensator.name) == "active"
-    model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"][
-        "model"
-    ]
+    model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
     assert probe.get(compensator.name, "model.saturation_v") == model["saturation_v"] != MODEL["saturation_v"]
     voltages = np.array([message.data for _, message in heard])
     assert np.max(np.abs(voltages)) <= 2.5
@@ -66,7 +68,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     probe.drive(publisher, lambda t: 0.5e-6, 0.2)
 
     def check(future, named: str) -> None:
-        probe.until(future.done, f"end of calibration: {named}", 60.0)
+        probe.until(lambda: future.done(), f"end of calibration: {named}", 60.0)
         assert not future.result().success, named
         assert named in future.result().message, future.result().message
         assert probe.state(compensator.name) == "active", named
@@ -83,7 +85,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
         if stage_of_work == "fitting":  # long enough to be cancelled in
             assert probe.set_one(identification.name, "n_elements", 0).successful
         future = client.call_async(Trigger.Request())
-        probe.until(lambda s=stage_of_work: doing(s) or future.done(), stage_of_work, 60.0)
+        probe.until(lambda s=stage_of_work, f=future: doing(s) or f.done(), stage_of_work, 60.0)
         assert not future.done(), future.result()
         assert probe.trigger(f"{identification.name}/cancel").success
         check(future, "cancelled")
@@ -106,3 +108,42 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     probe.until(future.done, "refusal", 60.0)
     assert not future.result().success
     assert isinstance(heard[-1][1], Float64)
+
+
+CLOCK = """
+import rclpy, signal, time
+from rosgraph_msgs.msg import Clock
+from rclpy.signals import SignalHandlerOptions
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = rclpy.create_node("clock")
+publisher = node.create_publisher(Clock, "/clock", 1)
+message, k = Clock(), 0
+while True:
+    k += 1
+    message.clock.sec, message.clock.nanosec = divmod(k * 5_000_000, 10**9)
+    publisher.publish(message)
+    time.sleep(0.001)
+"""
+
+
+def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start):
+    options = HASTY | {"interface": "joint_state", "use_sim_time": True, "relax_duration_s": 3.0}
+    file = model_file(tmp_path / "wrong.yaml", **options)
+    start("compensator", file, rate_hz=50.0)
+    start("simulated_pea", file, plant="fomrc", rate_hz=50.0)
+    identification = start("identification", file, rate_hz=50.0, relax_frequency_hz=5.0, calibrate_slope_v_per_s=4.0,
+                           calibrate_dwell_s=0.3, n_elements=3)  # fmt: skip
+    clock = subprocess.Popen([sys.executable, "-c", CLOCK])
+    try:
+        moved = probe.record("displacement", JointState)
+        probe.until(lambda: moved, "displacement", 30.0)
+        begun_s, begun_sim_s = time.monotonic(), moved[-1][1].header.stamp.sec
+        answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
+        assert answer.success, answer.message
+        elapsed_s, elapsed_sim_s = time.monotonic() - begun_s, moved[-1][1].header.stamp.sec - begun_sim_s
+        print(f"{elapsed_sim_s} simulated seconds in {elapsed_s:.1f}: {answer.message}")
+        assert elapsed_sim_s > 20
+        assert elapsed_sim_s > 1.2 * elapsed_s
+    finally:
+        clock.kill()
+        clock.wait()

@@ -24,20 +24,25 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     probe.drive(Both(publishers), lambda t: 1e-6 * math.sin(3.0 * t), 1.0 + generator.random())
     held = 0.5e-6 * generator.random()
     probe.drive(Both(publishers), lambda t: held, 0.1 + 0.4 * generator.random())
+    # The two got their targets at slightly different times: what they differed by before is not the restart's.
+    before = apart(heard["/killed"][-1], heard["/steady"])
     killed.process.kill()
     killed.process.wait()
     probe.spin_for(0.1)
     heard["/killed"].clear()
     restarted = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
     probe.until(lambda: len(heard["/killed"]) > 200, "voltage of the restarted one, without a new target")
-    for when, message in heard["/killed"][:200]:
-        nearest = min(heard["/steady"], key=lambda entry: abs(entry[0] - when))
-        assert abs(message.data - nearest[1].data) < 1e-3
-    first = heard["/killed"][0]
-    nearest = min(heard["/steady"], key=lambda entry: abs(entry[0] - first[0]))
-    print(f"seed {seed}: resumed within {abs(first[1].data - nearest[1].data):.2e} V")
+    errors = [apart(entry, heard["/steady"]) - before for entry in heard["/killed"][:200]]
+    print(f"seed {seed}: first {errors[0]:.2e} V, worst of 200 {max(map(abs, errors)):.2e} V")
+    assert max(map(abs, errors)) < 1e-3
     assert "refused" not in restarted.output()
     assert len(list(tmp_path.glob(".memory.*.tmp"))) <= 1, "at most the one being written"
+
+
+def apart(entry, steady) -> float:
+    """Return by how much a voltage differs from that of the steady compensator at the same time."""
+    nearest = min(steady[-1500:], key=lambda other: abs(other[0] - entry[0]))
+    return entry[1].data - nearest[1].data
 
 
 class Both:

@@ -76,9 +76,7 @@ def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
     probe.drive(publisher, lambda t: 0.5e-6, 0.2)
     bad = (math.nan, math.inf, -math.inf, 1e300, 1.0)
     probe.drive(publisher, lambda t: bad[min(int(t / 0.1), 4)], 0.6)
-    probe.until(
-        lambda: int(probe.diagnostics.get(node.name, {}).get("refused_messages", 0)) >= 50, "refusals"
-    )
+    probe.until(lambda: int(probe.diagnostics.get(node.name, {}).get("refused_messages", 0)) >= 50, "refusals")
     assert "0.1 m" in probe.diagnostics[node.name]["last_refusal"]
     n = len(heard)
     probe.until(lambda: len(heard) > n + 20, "voltage after bad targets")
@@ -98,9 +96,7 @@ def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
     # Two periods' worth where a tick came late.
     assert np.max(np.abs(np.diff(voltages))) <= 2.0 * 2.0 / 200.0 + 1e-12
     assert np.median(np.abs(np.diff(voltages))[np.abs(np.diff(voltages)) > 0]) <= 2.0 / 200.0 + 1e-12
-    probe.until(
-        lambda: int(probe.diagnostics.get(node.name, {}).get("clamped_ticks", 0)) > 0, "clamps counted"
-    )
+    probe.until(lambda: int(probe.diagnostics.get(node.name, {}).get("clamped_ticks", 0)) > 0, "clamps counted")
     assert int(probe.diagnostics[node.name]["slewed_ticks"]) > 0
     # Back from the limits the stage is where it is wanted, although it could not follow meanwhile.
     probe.drive(publisher, lambda t: 0.3e-6, 1.0)

@@ -6,8 +6,8 @@ import math
 import random
 
 from harness import model_file
-from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64

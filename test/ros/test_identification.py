@@ -85,3 +85,16 @@ def test_the_node_goes_on_while_it_fits_and_can_be_told_to_stop(tmp_path, probe,
     probe.until(lambda: probe.diagnostics[node.name].get("activity") == "identify", "a second fit")
     assert node.stop() == 0
     assert "Traceback" not in node.output()
+
+
+def test_identify_a_bag(tmp_path, probe, start, recording):
+    pytest.importorskip("rosbags")
+    from fomrc_core.storage import read_recording, write_bag
+
+    write_bag(read_recording(recording), tmp_path / "bag")
+    node = start("identification", n_elements=5, output_file="found.yaml")
+    assert probe.set_one(node.name, "recordings", [str(tmp_path / "bag")]).successful
+    answer = probe.trigger(f"{node.name}/identify")
+    assert answer.success, answer.message
+    assert probe.set_one(node.name, "topics", "voltage=/nothing,displacement=/nowhere").successful
+    assert not probe.trigger(f"{node.name}/identify").success

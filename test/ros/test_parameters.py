@@ -64,9 +64,7 @@ def test_live_changes(probe, tracking):
 
 def test_effects_come_and_go_live(probe, tracking):
     node, heard, publisher, _ = tracking
-    result = probe.set_all(
-        node.name, model__effects=["amplifier_bandwidth"], model__amplifier_bandwidth__cutoff_hz=100
-    )
+    result = probe.set_all(node.name, model__effects=["amplifier_bandwidth"], model__amplifier_bandwidth__cutoff_hz=100)
     assert result.successful, result.reason
     assert probe.get(node.name, "model.amplifier_bandwidth.cutoff_hz") == 100.0
     assert not probe.set_one(node.name, "model.amplifier_bandwidth.cutoff_hz", -1.0).successful
@@ -111,9 +109,7 @@ def test_swapped_model_stands_as_if_it_had_run_all_along(tmp_path, probe, tracki
     replayed = compensator_of(copy.deepcopy(MODEL) | changed).run(steps, followed)[1:]
     np.testing.assert_allclose(ticks[-100:, 3], replayed[-100:], rtol=0.0, atol=1e-6)
     old = compensator_of().run(steps, followed)[1:]
-    assert np.max(np.abs(old[-100:] - replayed[-100:])) > 1e-4, (
-        "the models must differ for this to mean anything"
-    )
+    assert np.max(np.abs(old[-100:] - replayed[-100:])) > 1e-4, "the models must differ for this to mean anything"
 
 
 def first_sample(checkpoint) -> float:
@@ -123,7 +119,7 @@ def first_sample(checkpoint) -> float:
 
 
 def test_reload(probe, tracking):
-    node, heard, publisher, file = tracking
+    node, heard, _, file = tracking
     model_file(file, OTHER, safe_voltage_v=1)
     answer = probe.trigger(f"{node.name}/reload_parameters")
     assert answer.success, answer.message
@@ -178,7 +174,7 @@ def bad_files(folder):
 
 
 def test_bad_files_are_refused_whole(tmp_path, probe, tracking):
-    node, heard, publisher, file = tracking
+    node, heard, _, file = tracking
     names = ("safe_voltage_v", "model.saturation_v", "model.creep_order", "stale_after_s")
     before = [probe.get(node.name, name) for name in names]
     files = bad_files(tmp_path)

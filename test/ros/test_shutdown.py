@@ -34,9 +34,7 @@ def test_nodes_end_without_noise(tmp_path, probe, start, number):
 
 
 def test_what_cannot_start_says_so_in_one_line(tmp_path, start):
-    bad_model = model_file(
-        tmp_path / "bad.yaml", {"kappa_um_per_v": [1.0], "saturation_v": [1.0], "creep_order": 0.1}
-    )
+    bad_model = model_file(tmp_path / "bad.yaml", {"kappa_um_per_v": [1.0], "saturation_v": [1.0], "creep_order": 0.1})
     broken = tmp_path / "broken.yaml"
     broken.write_text("/**:\n  ros__parameters: [1\n")
     good = model_file(tmp_path / "good.yaml")
