@@ -17,7 +17,7 @@ from fomrc_core.baselines.rival import FittedRival, Rival, TrainingRecord
 Array = NDArray[np.float64]
 CreepKind = Literal["none", "logarithmic", "linear"]
 _CREEP_WORDS = {"none": "", "logarithmic": " + log creep", "linear": " + LTI creep"}
-_N_ALTERNATIONS = 6
+_N_ALTERNATIONS = 5
 
 
 class HysteresisOperator(ABC):
@@ -104,34 +104,51 @@ class CascadeRival(Rival):
         family = self.family.scaled_to(records)
         columns = [family.columns(r.voltage_v) for r in records]
         targets = [r.centred(r.displacement_um) for r in records]
+        if self.creep == "none":
+            weights = nonnegative_weights(
+                [r.centred(c) for r, c in zip(records, columns, strict=True)], targets
+            )
+            return FittedCascade(family.operator(weights), NO_CREEP)
+        lags = [lagged_columns(self.creep, r, c) for r, c in zip(records, columns, strict=True)]
         creep: CreepCascade = NO_CREEP
-        for _ in range(1 if self.creep == "none" else _N_ALTERNATIONS):
-            crept = [r.centred(creep.apply(r.steps_s, c)) for r, c in zip(records, columns, strict=True)]
+        for _ in range(_N_ALTERNATIONS):
+            gains = creep_gains(self.creep, creep)
+            crept = [
+                r.centred(c + sum(gain * part for gain, part in zip(gains, own, strict=True)))
+                for r, c, own in zip(records, columns, lags, strict=True)
+            ]
             weights = nonnegative_weights(crept, targets)
-            if self.creep != "none":
-                moved = [c @ weights for c in columns]
-                creep = fitted_creep(self.creep, records, moved, targets)
+            parts = [
+                r.centred(np.column_stack([c @ weights, *(part @ weights for part in own)]))
+                for r, c, own in zip(records, columns, lags, strict=True)
+            ]
+            creep = fitted_creep(self.creep, parts, targets)
         return FittedCascade(family.operator(weights), creep)
 
 
-def fitted_creep(
-    kind: CreepKind, records: Sequence[TrainingRecord], moved: Sequence[Array], targets: Sequence[Array]
-) -> CreepCascade:
+def lagged_columns(kind: CreepKind, record: TrainingRecord, columns: Array) -> list[Array]:
+    """Return what each free gain of the creep multiplies, for every column, each shape (n_samples, n_columns)."""
+    shape = linear_creep(np.ones(3)) if kind == "linear" else logarithmic_creep(1.0)
+    every = np.ascontiguousarray(columns)
+    lags = [lag(every, record.steps_s, float(tau)) for tau in shape.time_constants_s]
+    return lags if kind == "linear" else [np.sum(lags, axis=0)]
+
+
+def creep_gains(kind: CreepKind, creep: CreepCascade) -> Array:
+    """Return the free gains of the creep: three for linear, one for logarithmic."""
+    if creep.gains.size == 0:
+        return np.zeros(3 if kind == "linear" else 1)
+    return creep.gains if kind == "linear" else creep.gains[:1]
+
+
+def fitted_creep(kind: CreepKind, parts: Sequence[Array], targets: Sequence[Array]) -> CreepCascade:
     """Return the creep whose output best fits the targets, hysteresis output given.
 
     Args:
         kind: logarithmic or linear.
-        records: for their steps and what is scored.
-        moved: output of the hysteresis per record [um], shape (n_samples,).
-        targets: centred displacement of the scored samples per record [um].
+        parts: per record, centred: output of the hysteresis, then what each free gain multiplies [um].
+        targets: per record, centred displacement [um].
     """
-    shape = linear_creep(np.ones(3)) if kind == "linear" else logarithmic_creep(1.0)
-    parts = []
-    for record, h in zip(records, moved, strict=True):
-        h_column = np.ascontiguousarray(h[:, None])
-        lags = [lag(h_column, record.steps_s, tau) for tau in shape.time_constants_s]
-        basis = np.hstack(lags) if kind == "linear" else np.sum(lags, axis=0)
-        parts.append(record.centred(np.hstack([h_column, basis])))
     gains = nonnegative_weights(parts, targets)
     if gains[0] <= 0.0:
         return NO_CREEP

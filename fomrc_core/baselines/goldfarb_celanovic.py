@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 _STIFFNESS_N_PER_M = 45e6
 _COUPLING = 0.2  # T^2 / (k C)
-_N_FIT_SAMPLES = 4000
+_N_FIT_SAMPLES = 3000
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class GoldfarbCelanovic(Rival):
             np.log([0.3 * nyquist, 0.7]),
             method="Nelder-Mead",
             bounds=[(math.log(0.005 * nyquist), math.log(20.0 * nyquist)), (math.log(0.02), math.log(20.0))],
-            options={"maxiter": 60, "xatol": 1e-3, "fatol": 1e-9},
+            options={"maxiter": 40, "xatol": 3e-3, "fatol": 1e-9},
         )
         return fitted(found.x)
 

@@ -21,6 +21,7 @@ from fomrc_core.baselines.cascade_rival import (
     HysteresisFamily,
     HysteresisOperator,
     fitted_creep,
+    lagged_columns,
 )
 from fomrc_core.baselines.creep_cascade import NO_CREEP, CreepCascade
 from fomrc_core.baselines.nonnegative import nonnegative_weights
@@ -189,7 +190,12 @@ class ModifiedPrandtlIshlinskii(Rival):
             slopes = np.insert(found[self.n_thresholds :], middle, 1.0)
             if self.creep_kind != "none":
                 wanted = [r.centred(p @ slopes) for r, p in zip(records, pieces, strict=True)]
-                creep = fitted_creep(self.creep_kind, records, [c @ weights for c in columns], wanted)
+                moved = [(c @ weights)[:, None] for c in columns]
+                parts = [
+                    r.centred(np.hstack([h, *lagged_columns(self.creep_kind, r, h)]))
+                    for r, h in zip(records, moved, strict=True)
+                ]
+                creep = fitted_creep(self.creep_kind, parts, wanted)
         slopes = np.maximum(slopes, 0.05)  # S must stay invertible
         inner = np.concatenate([[0.0], np.cumsum(slopes * np.diff(knots))])
         # The constant between H and S^-1, which centring took out of the fit.
