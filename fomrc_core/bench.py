@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.base_fit import centred
 from fomrc_core.chain import Chain, PreparedRecord, predict
+from fomrc_core.effects import Effect
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.recording import Recording
 from fomrc_core.residual import rms
@@ -55,7 +56,9 @@ class Bench:
         return int(sum(np.count_nonzero(r.is_used) for r in self.train))
 
 
-def lay_out(recordings: tuple[Recording, ...], test: Recording | None, report: Recording | None, noise_um: float) -> Bench:
+def lay_out(
+    recordings: tuple[Recording, ...], test: Recording | None, report: Recording | None, noise_um: float
+) -> Bench:
     """Return the bench; without a test record blocks of the training records are held out, with gaps."""
     train = tuple(PreparedRecord.of(r) for r in recordings)
     held: tuple[HeldOut, ...]
@@ -118,8 +121,8 @@ def held_residuals(chain: Chain, held: tuple[HeldOut, ...]) -> list[Array]:
     return found
 
 
-def with_own(chain: Chain, index: int, effects: tuple[object, ...]) -> Chain:
+def with_own(chain: Chain, index: int, effects: tuple[Effect, ...]) -> Chain:
     """Return the chain with the effects of one record replaced."""
     own = list(chain.record_effects)
-    own[index] = effects  # type: ignore[call-overload]
+    own[index] = effects
     return replace(chain, record_effects=tuple(own))

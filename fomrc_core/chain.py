@@ -138,7 +138,9 @@ class Chain:
         chain = replace(self, effects=shared, record_effects=own)
         if name == AsymmetricHysteresis.name and self.has_knees:
             plain = ~np.isfinite(self.columns.knees_v)
-            columns = ColumnKinds(self.columns.thresholds_v[plain], self.columns.knees_v[plain], self.columns.kinds[plain])
+            columns = ColumnKinds(
+                self.columns.thresholds_v[plain], self.columns.knees_v[plain], self.columns.kinds[plain]
+            )
             chain = replace(chain, columns=columns, weights=self.weights[plain])
         return chain
 

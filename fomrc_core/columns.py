@@ -127,5 +127,3 @@ def _fill(thresholds: Array, knees: Array, kinds: NDArray[np.int64], block: Arra
         if k >= n_skipped:
             for j in range(n_columns):
                 out[k - n_skipped, j] = total[j]
-
-

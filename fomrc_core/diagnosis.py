@@ -148,7 +148,9 @@ def diagnose(recordings: Recording | Sequence[Recording], *, test: Recording | N
     check_usable([r for r in (*given, test, report) if r is not None])
     for name in excluded_causes:
         if name not in effect_classes():
-            raise ParameterError("unknown cause", where="excluded_causes", value=name, allowed=", ".join(effect_classes()))
+            raise ParameterError(
+                "unknown cause", where="excluded_causes", value=name, allowed=", ".join(effect_classes())
+            )
     causes = tuple(name for name in effect_classes() if name not in excluded_causes and name != "missing_hysteresis")
     tell(0.02, "noise floor")
     noise = noise_floor(given)
@@ -215,7 +217,9 @@ def _views(bench: Bench, base: Chain, chain: Chain, noise: NoiseFloor) -> tuple[
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
         before = _best_start(base, record, part.index)
         after = _best_start(chain, record, part.index)
-        views.append(RecordView(record.recording.name, role, record.time_s, record.voltage_v, record.measured_um, before, after))
+        views.append(
+            RecordView(record.recording.name, role, record.time_s, record.voltage_v, record.measured_um, before, after)
+        )
         errors.append(rms(after[record.is_used]))
         if role == "train":
             cleaned.append(replace(record.recording, displacement_um=after))

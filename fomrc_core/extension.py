@@ -54,7 +54,10 @@ def extend(chain: Chain, bench: Bench) -> Extension:
         weights[is_slope] = 1e-6 * float(np.sum(weights[plain]))
     kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
     columns_kept = replace(
-        chain.columns, thresholds_v=thresholds[kept], knees_v=chain.columns.knees_v[kept], kinds=chain.columns.kinds[kept]
+        chain.columns,
+        thresholds_v=thresholds[kept],
+        knees_v=chain.columns.knees_v[kept],
+        kinds=chain.columns.kinds[kept],
     )
     final = replace(chain, columns=columns_kept, weights=weights[kept])
     operator: OperatorSum = final.operator()

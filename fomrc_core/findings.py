@@ -93,8 +93,17 @@ def findings_of(steps: tuple[Step, ...], final_chain: Chain, final: Refit, bench
             f"{step.accepted.train_log_gain:.2f}; {kind.signature}"
         )
         found.append(
-            Finding(cause, parameters, own_errors, before, after, (before - after) / max(before - floor, 1e-12),
-                    score.p_value, evidence, kind.meaning)  # fmt: skip
+            Finding(
+                cause,
+                parameters,
+                own_errors,
+                before,
+                after,
+                (before - after) / max(before - floor, 1e-12),
+                score.p_value,
+                evidence,
+                kind.meaning,
+            )  # fmt: skip
         )
     return tuple(found)
 

@@ -194,9 +194,7 @@ def _result(best: Polished, records: tuple[PreparedRecord, ...], starts: Starts,
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
     seen = np.sqrt(np.diag(best.information)) > 0.0
     errors = np.where(seen, errors, np.inf)
-    undetermined = tuple(
-        j for j in range(n) if errors[1 + j] > 0.5 or errors[1 + n + j] > 0.5
-    )
+    undetermined = tuple(j for j in range(n) if errors[1 + j] > 0.5 or errors[1 + n + j] > 0.5)
     return fit_of(model, given, test, starts=starts, order_error=float(errors[-1]), errors=errors[:-1],
                   undetermined=undetermined)  # fmt: skip
 

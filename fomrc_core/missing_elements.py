@@ -54,5 +54,3 @@ def missing_step(coarse: Chain, base: Chain, final: Chain, bench: Bench, n_cause
 def n_elements_needed(model: PiezoModel) -> int:
     """Return how many elements the extended model has."""
     return model.n_elements
-
-

@@ -68,9 +68,7 @@ def best_drive(chains: list[Chain], bench: Bench) -> Proposal:
         bare = [Chain(c.columns, c.weights, c.creep_order, c.effects, ((),)) for c in chains]
         space = tangent(bare[0], (record,))
         first = predict(bare[0], record, 0)
-        least = min(
-            rms(space.remove((record,), (centre(predict(other, record, 0) - first),))[0]) for other in bare[1:]
-        )
+        least = min(rms(space.remove((record,), (centre(predict(other, record, 0) - first),))[0]) for other in bare[1:])
         if best is None or least > best.difference_um:
             best = Proposal(drive, command, least)
     assert best is not None
@@ -96,8 +94,8 @@ def propose(status: str, accepted: tuple[Step, ...], runner_up: Contender | None
         return ("nothing to separate; what this data could not have shown is listed under smallest_detectable: "
                 "drive faster and further to lower it")  # fmt: skip
     if status == "explained":
-        names = [effect.name for effect in model.effects]
-        experiment = effect_classes()[names[-1]].experiment if names else "the same drive again on another day"
+        present = [effect.name for effect in model.effects]
+        experiment = effect_classes()[present[-1]].experiment if present else "the same drive again on another day"
         return f"to confirm: {experiment}"
     if runner_up is not None:
         kind = effect_classes()[runner_up.cause]

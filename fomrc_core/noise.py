@@ -42,10 +42,15 @@ def noise_floor(recordings: list[Recording] | tuple[Recording, ...]) -> NoiseFlo
 
 
 def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
-    bend = np.abs(np.convolve(voltage_v, _DIFFERENCE, mode="valid"))
+    bend = np.convolve(voltage_v, _DIFFERENCE, mode="valid")
     rough = np.convolve(displacement_um, _DIFFERENCE, mode="valid")
-    # where the drive is even its own fourth difference vanishes; take the evenest third at least
-    even = bend <= max(float(np.quantile(bend, 0.34)), 1e-12 * float(np.ptp(voltage_v)))
+    # where the drive is even its own fourth difference vanishes; take the evenest third, and there too out what
+    # follows the drive
+    size = np.abs(bend)
+    even = size <= max(float(np.quantile(size, 0.34)), 1e-12 * float(np.ptp(voltage_v)))
+    power = float(np.dot(bend[even], bend[even]))
+    if power > 0.0:
+        rough = rough - bend * (float(np.dot(rough[even], bend[even])) / power)
     # median absolute deviation: transients that fall among the even samples do not count
     return float(np.median(np.abs(rough[even])) / 0.6745 / np.sqrt(np.sum(_DIFFERENCE**2)))
 

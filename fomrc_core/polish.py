@@ -60,7 +60,9 @@ def with_start(record: PreparedRecord, start: tuple[InitialState, ...]) -> tuple
     return drive, steps, n_before
 
 
-def play_form_response(form: OperatorSum, order: float, record: PreparedRecord, start: tuple[InitialState, ...]) -> Array:
+def play_form_response(
+    form: OperatorSum, order: float, record: PreparedRecord, start: tuple[InitialState, ...]
+) -> Array:
     """Return the displacement [um] of a play form with creep, offset not included, shape (n_samples,)."""
     drive, steps, n_before = with_start(record, start)
     hysteresis = hysteresis_block(form)

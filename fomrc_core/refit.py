@@ -83,7 +83,9 @@ class Refit:
     residual: tuple[Array, ...]
     is_converged: bool
 
-    def standard_errors(self, records: tuple[PreparedRecord, ...], inflation: float) -> dict[tuple[str, int | None, str], float]:
+    def standard_errors(
+        self, records: tuple[PreparedRecord, ...], inflation: float
+    ) -> dict[tuple[str, int | None, str], float]:
         """Return the standard error of each free parameter, noise correlation counted by ``inflation``."""
         if not self.free:
             return {}
@@ -202,7 +204,9 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
     return Refit(chain, error, free, projected, left, is_converged)
 
 
-def _linear_part_first(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent) -> tuple[Chain, tuple[Array, ...], float]:
+def _linear_part_first(
+    chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent
+) -> tuple[Chain, tuple[Array, ...], float]:
     """Return the chain with its linear part moved to where the effects are, its residual and error."""
     left = residuals(chain, records)
     error = squared_error(records, left)

@@ -74,7 +74,9 @@ class HeldView:
         alone = replace(chain, record_effects=(chain.record_effects[index],))
         columns = tangent(alone, (record,)).columns[0]
         plain = predict(chain, record, index, is_coarse=True)
-        return cls(record, index, plain, columns, centred(record.measured_um - predict(chain, record, index), record.is_used))
+        return cls(
+            record, index, plain, columns, centred(record.measured_um - predict(chain, record, index), record.is_used)
+        )
 
     def explained(self, chain: Chain, effect: Effect, coefficients: Array, takes_either_sign: bool) -> float:
         """Return what the instance explains of the residual here [um^2], the linear part moved as in training."""
@@ -89,12 +91,21 @@ class HeldView:
         return product**2 / power
 
 
-def evidence_of(chain: Chain, records: tuple[PreparedRecord, ...], left: tuple[Array, ...], noise_um: float) -> Evidence:
+def evidence_of(
+    chain: Chain, records: tuple[PreparedRecord, ...], left: tuple[Array, ...], noise_um: float
+) -> Evidence:
     """Return what the effects may look at."""
     return Evidence(
         tuple(
-            RecordEvidence(r.time_s, r.steps_s, r.voltage_v, predict(chain, r, i, is_coarse=True), residual,
-                           r.recording.temperature_c is not None, r.cross is not None)  # fmt: skip
+            RecordEvidence(
+                r.time_s,
+                r.steps_s,
+                r.voltage_v,
+                predict(chain, r, i, is_coarse=True),
+                residual,
+                r.recording.temperature_c is not None,
+                r.cross is not None,
+            )  # fmt: skip
             for i, (r, residual) in enumerate(zip(records, left, strict=True))
         ),
         noise_um,
@@ -177,7 +188,9 @@ def _screen_one(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangen
 def family_columns(chain: Chain, effect: AsymmetricHysteresis) -> ColumnKinds:
     """Return the plays with knees of the effect as columns beside those of the chain."""
     thresholds = np.array(effect.thresholds_v)
-    return chain.columns.joined(ColumnKinds(thresholds, np.array(effect.knees_v), np.zeros(thresholds.size, dtype=np.int64)))
+    return chain.columns.joined(
+        ColumnKinds(thresholds, np.array(effect.knees_v), np.zeros(thresholds.size, dtype=np.int64))
+    )
 
 
 def _screen_family(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, clear: tuple[Array, ...],
@@ -198,5 +211,3 @@ def _screen_family(chain: Chain, records: tuple[PreparedRecord, ...], space: Tan
     inside = whitening.T @ moment
     explained = float(inside @ inside)
     return Screened(effect, None, explained, float(np.trace(gram)), 1.0)
-
-

@@ -28,7 +28,9 @@ class ClockSkew(Effect):
     )
     main_parameter: ClassVar[str] = "ppm"
     meaning: ClassVar[str] = "The recorder's clock and the drive's clock differ, so the record shears in time."
-    signature: ClassVar[str] = "residual follows the rate of the drive and grows from the start of the record to its end"
+    signature: ClassVar[str] = (
+        "residual follows the rate of the drive and grows from the start of the record to its end"
+    )
     experiment: ClassVar[str] = "the same fast triangle at the start and at the end of a long record"
     inverse_note: ClassVar[str] = "nothing to invert: it belongs to the recording, not to the actuator"
     linear_parameters: ClassVar[tuple[str, ...]] = ("ppm",)

@@ -53,7 +53,9 @@ class MechanicalResonance(Effect):
     )
     main_parameter: ClassVar[str] = "frequency_hz"
     meaning: ClassVar[str] = "Moved mass and stiffness of the stage ring at their natural frequency."
-    signature: ClassVar[str] = "residual rings after steps and corners; its spectrum peaks at one frequency of the drive"
+    signature: ClassVar[str] = (
+        "residual rings after steps and corners; its spectrum peaks at one frequency of the drive"
+    )
     experiment: ClassVar[str] = "a multisine through the resonance, or steps sampled fast"
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the target; use smooth targets"
     needs_substeps: ClassVar[bool] = True

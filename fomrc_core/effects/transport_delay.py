@@ -20,9 +20,7 @@ class TransportDelay(Effect):
     name: ClassVar[str] = "transport_delay"
     place: ClassVar[Place] = Place.TRANSPORT_DELAY
     stage: ClassVar[Stage] = Stage.MECHANICAL
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("delay_s", "s", 0.0, 0.5, description="delay"),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", 0.0, 0.5, description="delay"),)
     main_parameter: ClassVar[str] = "delay_s"
     meaning: ClassVar[str] = "Conversion, filtering or transmission takes a fixed time between command and reading."
     signature: ClassVar[str] = "residual follows the rate of the displacement at every frequency, sharp after steps"

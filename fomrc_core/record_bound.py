@@ -1,0 +1,58 @@
+"""Effects that belong to one record - a hum's phase, a load's moment - fitted to records that are held out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fomrc_core.base_fit import Tangent, residuals, squared_error, tangent
+from fomrc_core.bench import Bench, learned_blocks
+from fomrc_core.chain import Chain, PreparedRecord
+from fomrc_core.contender import sized
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.refit import FreeParameter, free_parameters, refit
+from fomrc_core.screening import screen
+
+
+def follow_held(chain: Chain, bench: Bench) -> Chain:
+    """Return the chain with the effects of single records fitted to the held-out records too, on half their blocks.
+
+    The actuator's own parameters stay; phase of a hum or time of a load must be that of the record.
+    """
+    kinds = {e.name for own in chain.record_effects[: len(bench.train)] for e in own
+             if not (isinstance(e, InitialState) and not e.free_names())}  # fmt: skip
+    if not kinds:
+        return chain
+    for part in {h.index: h for h in (*bench.held, *bench.report)}.values():
+        if part.index < len(bench.train):
+            continue
+        one = part.record.using(part.record.is_used & learned_blocks(part.record))
+        chain = fit_one_record(chain, one, part.index, kinds)
+    return chain
+
+
+def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[str]) -> Chain:
+    """Return the chain with the record-bound effects of these kinds fitted to one record, all else held."""
+    alone = replace(chain, record_effects=(chain.record_effects[index],))
+    still = tangent(alone, (record,))
+    frozen = Tangent(tuple(np.zeros((c.shape[0], 1)) for c in still.columns), np.zeros((1, 1)))
+    for name in sorted(kinds):
+        left = residuals(alone, (record,))
+        trials = [s for s in screen(alone, (record,), frozen, left, 0.0, (name,)) if s.explained > 0.0]
+        if not trials:
+            continue
+        trial = alone.with_effect(sized(trials[0]), 0)
+        free = tuple(p for p in free_parameters(trial) if p.index == 0)
+        fitted = _refit_own(trial, record, free)
+        if squared_error((record,), residuals(fitted, (record,))) < squared_error((record,), left):
+            alone = fitted
+    own = list(chain.record_effects)
+    own[index] = alone.record_effects[0]
+    return replace(chain, record_effects=tuple(own))
+
+
+def _refit_own(chain: Chain, record: PreparedRecord, free: tuple[FreeParameter, ...]) -> Chain:
+    n = record.time_s.size
+    nothing = Tangent((np.zeros((n, chain.weights.size + 1)),), np.zeros((chain.weights.size + 1, 1)))
+    return refit(chain, (record,), nothing, n_iterations=8, free=free).chain
