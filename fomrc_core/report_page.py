@@ -100,7 +100,7 @@ def _simulated(diagnosis: Diagnosis) -> str:
 
 def _cause(number: int, finding: Finding) -> str:
     kind = effect_classes()[finding.cause]
-    rows = []
+    rows: list[str] = []
     for spec in kind.parameters:
         if spec.name not in finding.parameters:
             continue
@@ -145,7 +145,7 @@ def _remains(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _detectable(diagnosis: Diagnosis) -> Iterator[str]:
     found = {finding.cause for finding in diagnosis.findings}
-    rows = []
+    rows: list[str] = []
     for name, sizes in sorted(diagnosis.smallest_detectable.items()):
         if name in found:
             continue

@@ -48,8 +48,8 @@ def _view(name: str, role: str, seed: int, lag_um: float = 0.09) -> RecordView:
 def _diagnosis(**changes: Any) -> Diagnosis:
     diagnosis = Diagnosis(
         status=Status.EXPLAINED, noise=NoiseFloor(0.002, float("nan")), noise_floor_um=0.002,
-        baseline_train_percent=2.4, baseline_test_percent=2.5, final_test_percent=0.061, findings=(_FINDING,), ambiguous_with=(),
-        unexplained_percent=0.1,
+        baseline_train_percent=2.4, baseline_test_percent=2.5, final_test_percent=0.061, findings=(_FINDING,),
+        ambiguous_with=(), unexplained_percent=0.1,
         smallest_detectable={"transport_delay": {"delay_s": 2e-5}, "mains_hum": {"amplitude_um": 3e-4}},
         next_experiment="to confirm run `fomrc excite steps --levels 1,0`", extended_model=_MODEL,
         records=(_view("train", "train", 0), _view("<held> & out", "test", 1)), quoted_on="<held> & out",
