@@ -127,7 +127,11 @@ class StageDrive:
         seen = seen[np.concatenate(([True], np.diff(seen[:, 0]) > 0.0))]
         lag_s = best_lag_s(sent, seen, self.period_s)
         inside = (sent[:, 0] + lag_s >= seen[0, 0]) & (sent[:, 0] + lag_s <= seen[-1, 0])
-        time_s, voltage_v = sent[inside, 0], sent[inside, 1]
+        ticks = np.rint((sent[inside, 0] - sent[inside, 0][0]) / self.period_s).astype(int)
+        # Where ticks were missed the voltage was held until the next one: fill them in.
+        filled = np.arange(ticks[-1] + 1)
+        voltage_v = sent[inside, 1][np.searchsorted(ticks, filled, side="right") - 1]
+        time_s = sent[inside, 0][0] + self.period_s * filled
         moved = np.interp(time_s + lag_s, seen[:, 0], seen[:, 1])
         return Recording(time_s - time_s[0], voltage_v, moved, name=name)
 
