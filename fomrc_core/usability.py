@@ -57,7 +57,7 @@ def _check_time(record: Recording) -> None:
             f"gap after sample {longest}, at {record.time_s[longest]:.6g} s: "
             "what the drive did in it is not known",
             where=f"{record.name}: time_s",
-            value=float(steps[longest]),
+            value=float(f"{steps[longest]:.6g}"),
             allowed=f"steps up to {LONGEST_GAP_STEPS:g} times the median, {longest_allowed_s:.4g} s; "
             "give the parts as records of their own",
         )
