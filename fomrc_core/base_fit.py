@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from fomrc_core.chain import Chain, PreparedRecord, fit_modes, predict
 from fomrc_core.columns import ColumnKinds, creep_columns
 from fomrc_core.effects import Stage
+from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.elements import signed_weights
 from fomrc_core.errors import RecordingError
 
@@ -51,8 +53,8 @@ def threshold_grid(records: tuple[PreparedRecord, ...], n_thresholds: int) -> Ar
     reach = max(float(np.max(np.abs(r.voltage_v))) for r in records)
     span = max(float(np.ptp(r.voltage_v)) for r in records)
     if not span > 0.0:
-        raise RecordingError("voltage is constant", where=records[0].recording.name, value=float(records[0].voltage_v[0]),
-                             allowed="a voltage that moves")  # fmt: skip
+        name, value = records[0].recording.name, float(records[0].voltage_v[0])
+        raise RecordingError("voltage is constant", where=name, value=value, allowed="a voltage that moves")
     # A play moves on a first rise up to the reach; once the drive has turned, up to half the span.
     top = max(reach, 0.5 * span)
     return np.asarray(top * (np.arange(n_thresholds + 1) / n_thresholds) ** 1.6)[:-1]
@@ -80,10 +82,12 @@ def squared_error(records: tuple[PreparedRecord, ...], signals: tuple[Array, ...
     return float(sum(np.dot(s[r.is_used], s[r.is_used]) for r, s in zip(records, signals, strict=True)))
 
 
-def record_columns(chain: Chain, record: PreparedRecord, index: int) -> Array:
+def record_columns(chain: Chain, record: PreparedRecord, index: int, about: Chain | None = None) -> Array:
     """Return displacement per unit weight [V], shape (n_samples, n_columns), at one step per sample.
 
     One step per sample suffices: a fit measures its residual exactly and uses these columns as directions only.
+    A sensor that is not linear turns them by its slope where the displacement of ``about`` (the chain itself unless
+    given) stands.
     """
     effects = chain.effects_in(index)
     steps, drive = record.steps_s, record.voltage_v
@@ -109,20 +113,12 @@ def record_columns(chain: Chain, record: PreparedRecord, index: int) -> Array:
             columns[:, j] = column
         columns = columns[n_before:]
     for effect in effects:
-        if effect.name in ("gain_drift", "sensor_nonlinearity"):
-            columns *= _gain_of(effect, chain, record, columns)[:, None]
+        if isinstance(effect, GainDrift):
+            columns *= (1.0 + effect.per_s * record.time_s)[:, None]
+        elif isinstance(effect, SensorNonlinearity):
+            x = predict((about or chain).without(effect.name), record, index, is_coarse=True)
+            columns *= (1.0 + x * (2.0 * effect.quadratic_per_um + 3.0 * effect.cubic_per_um2 * x))[:, None]
     return columns
-
-
-def _gain_of(effect: object, chain: Chain, record: PreparedRecord, columns: Array) -> Array:
-    from fomrc_core.effects.gain_drift import GainDrift
-    from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
-
-    if isinstance(effect, GainDrift):
-        return np.asarray(1.0 + effect.per_s * record.time_s)
-    assert isinstance(effect, SensorNonlinearity)
-    x = columns @ chain.weights
-    return np.asarray(1.0 + x * (2.0 * effect.quadratic_per_um + 3.0 * effect.cubic_per_um2 * x))
 
 
 def tangent(chain: Chain, records: tuple[PreparedRecord, ...]) -> Tangent:
@@ -168,14 +164,12 @@ def fit_base(records: tuple[PreparedRecord, ...], columns: ColumnKinds,
     weights = np.zeros(columns.thresholds_v.size)
     weights[0] = 1.0
     chain = Chain(columns, weights, order_guess, (), own)
-    space, error = None, np.inf
+    space = None
     for _ in range(8):
         parts = tuple(record_columns(chain, r, i) for i, r in enumerate(records))
         chain = replace(chain, weights=_least_squares(records, parts))
         space = tangent(chain, records)
-        left = residuals(chain, records)
-        error = squared_error(records, left)
-        change = space.solve(records, left)
+        change = space.solve(records, residuals(chain, records))
         before = chain.creep_order
         chain = moved(chain, _damped(change))
         if abs(chain.creep_order - before) < 2e-5:
@@ -201,7 +195,7 @@ def rebased(chain: Chain, records: tuple[PreparedRecord, ...]) -> Chain:
     full = replace(chain, columns=columns, weights=np.zeros(n))
     gram, moment = np.zeros((n, n)), np.zeros(n)
     for index, (record, left) in enumerate(zip(records, residuals(chain, records), strict=True)):
-        here = centred(record_columns(full, record, index), record.is_used)
+        here = centred(record_columns(full, record, index, chain), record.is_used)
         target = left + centred(record_columns(chain, record, index), record.is_used) @ chain.weights
         gram += product(here, here, record.is_used)
         moment += product(here, target, record.is_used)

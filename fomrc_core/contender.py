@@ -18,12 +18,13 @@ from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.noise import autocorrelation_inflation
 from fomrc_core.refit import FreeParameter, Refit, free_parameters, refit, scan
-from fomrc_core.screening import HeldView, Screened, family_columns, is_bound
+from fomrc_core.screening import HeldView, Screened, family_columns
 
 Array = NDArray[np.float64]
 
 _MAX_CONTENDERS = 5
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
+_LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
 _CLOSE_TO_BEST = 0.2
 _TRAINING_COUNTS = 0.3
 _MAX_STARTS = 12
@@ -40,6 +41,7 @@ class Contender:
         train_log_gain: logarithm of the ratio of mean squared errors on the training data.
         held: residuals on the held-out data [um].
         n_free: number of parameters it adds.
+        is_plausible: whether the records can show it with the parameters found.
     """
 
     cause: str
@@ -48,6 +50,7 @@ class Contender:
     train_log_gain: float
     held: tuple[Array, ...]
     n_free: int
+    is_plausible: bool = True
 
     @property
     def total_gain(self) -> float:
@@ -72,9 +75,12 @@ def contenders_for(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array
     inflation = max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(left, bench.train, strict=True))
     variance = error / bench.n_used
     limit = _MIN_SCREENED * variance * min(inflation, 200.0)
+    view = [np.dot(v, v) for v in held_residuals(chain, bench.held)]
+    held_limit = max(limit, _LEAST_SHARE * float(sum(view)))
+    limit = max(limit, _LEAST_SHARE * error)
     by_cause: dict[str, list[Screened]] = {}
     for trial in screened:
-        if max(trial.explained, trial.explained_held) > limit:
+        if trial.explained > limit or trial.explained_held > held_limit:
             by_cause.setdefault(trial.cause, []).append(trial)
     if not by_cause:
         return []
@@ -107,7 +113,8 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     chain, bench, space, trials, error = task
     cause = trials[0].cause
     kind = effect_classes()[cause]
-    bound = is_bound(kind, bench.train)
+    bound = trials[0].effect.belongs_to_record()
+    trials = [trial for trial in trials if trial.effect.belongs_to_record() == bound]
     fits = []
     for variant, directions in _variants(chain, bench, space):
         starts = _starts(variant, trials, bound, bench, directions)
@@ -125,9 +132,11 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
         best = again if again.squared_error < best.squared_error else best
     before, after, fitted = _held_pair(chain, best, bench, cause, bound)
     n_free = len(free_parameters(fitted.chain)) - len(free_parameters(chain))
-    return Contender(
-        cause, fitted, held_out_score(before, after), math.log(error / fitted.squared_error), tuple(after), n_free
-    )
+    longest = max(float(record.time_s[-1]) for record in bench.train)
+    own = [e for part in fitted.chain.record_effects[: len(bench.train)] for e in part]
+    is_plausible = all(e.is_plausible(longest) for e in (*fitted.chain.effects, *own))
+    train_gain = math.log(error / fitted.squared_error)
+    return Contender(cause, fitted, held_out_score(before, after), train_gain, tuple(after), n_free, is_plausible)
 
 
 def _clear_error(start: Chain, bench: Bench, space: Tangent) -> float:

@@ -135,21 +135,15 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
             continue
         if kind is AsymmetricHysteresis:
             found += [_screen_family(chain, records, space, clear, effect) for effect in kind.screening(evidence)]
-        elif is_bound(kind, records):
-            for i, own in enumerate(evidence.records):
-                for effect in kind.screening(Evidence((own,), noise_um)):
-                    found += _screen_one(chain, records, space, clear, plain, effect, i)
         else:
             for effect in kind.screening(evidence):
-                found += _screen_one(chain, records, space, clear, plain, effect, None, held)
+                if not effect.belongs_to_record():
+                    found += _screen_one(chain, records, space, clear, plain, effect, None, held)
+            for i, own in enumerate(evidence.records):
+                for effect in kind.screening(Evidence((own,), noise_um)):
+                    if effect.belongs_to_record():
+                        found += _screen_one(chain, records, space, clear, plain, effect, i)
     return sorted(found, key=lambda screened: -screened.explained)
-
-
-def is_bound(kind: type[Effect], records: tuple[PreparedRecord, ...]) -> bool:
-    """Return whether the effect's parameters belong to one record; a drift does where no temperature is recorded."""
-    if kind.name == "thermal_drift":
-        return not all(r.recording.temperature_c is not None for r in records)
-    return kind.is_record_bound
 
 
 def signature(chain: Chain, record: PreparedRecord, index: int, effect: Effect, plain: Array) -> Array:
@@ -202,7 +196,7 @@ def _screen_family(chain: Chain, records: tuple[PreparedRecord, ...], space: Tan
     gram = np.zeros((thresholds.size,) * 2)
     moment = np.zeros(thresholds.size)
     for i, (record, left, columns) in enumerate(zip(records, clear, space.columns, strict=True)):
-        own = centred(record_columns(family, record, i), record.is_used)[record.is_used]
+        own = centred(record_columns(family, record, i, chain), record.is_used)[record.is_used]
         base = columns[record.is_used] @ space.whitening
         own = own - base @ (base.T @ own) if len(records) == 1 else own
         gram += own.T @ own

@@ -122,7 +122,11 @@ def settle(chain: Chain, bench: Bench) -> Refit:
 
 
 def _is_accepted(contender: Contender, n_causes: int) -> bool:
-    return contender.score.p_value < _SIGNIFICANCE / n_causes and contender.score.is_worthwhile()
+    return (
+        contender.is_plausible
+        and contender.score.p_value < _SIGNIFICANCE / n_causes
+        and contender.score.is_worthwhile()
+    )
 
 
 def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[Contender]:

@@ -141,6 +141,14 @@ class Effect(ABC):
             and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
         )
 
+    def belongs_to_record(self) -> bool:
+        """Return whether the parameters belong to one record and not to the actuator."""
+        return self.is_record_bound
+
+    def is_plausible(self, duration_s: float) -> bool:
+        """Return whether records of this length [s] can show the effect with these parameters."""
+        return True
+
     def scale_of(self, name: str, value: float) -> float:
         """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
         return abs(value) if value != 0.0 else 1.0

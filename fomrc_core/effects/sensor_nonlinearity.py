@@ -40,6 +40,14 @@ class SensorNonlinearity(Effect):
         """Return the reading [um], shape (n_samples,)."""
         return values + values * values * (self.quadratic_per_um + self.cubic_per_um2 * values)
 
+    def free_names(self) -> tuple[str, ...]:
+        """Return both errors: a curved scale seldom has only one of them."""
+        return ("quadratic_per_um", "cubic_per_um2")
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return a unit for an error that stands at zero."""
+        return abs(value) if value != 0.0 else 1e-3
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return both errors at a thousandth of the stroke, alone and together."""

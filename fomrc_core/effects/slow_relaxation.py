@@ -51,6 +51,10 @@ class SlowRelaxation(Effect):
         _invert_relaxation(state, self.amplitude, self.time_constant_s, values, steps_s, out)
         return out
 
+    def is_plausible(self, duration_s: float) -> bool:
+        """Return whether the relaxation bends within the record; a longer one cannot be told from a drift."""
+        return self.time_constant_s <= 0.7 * duration_s
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return time constants from ten samples to the length of the record."""

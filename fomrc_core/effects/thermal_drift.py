@@ -64,11 +64,27 @@ class ThermalDrift(Effect):
             state[2] = covariate[0]
         return values - self.um_per_c * (covariate - state[2])
 
+    def free_names(self) -> tuple[str, ...]:
+        """Return the expansion where temperature is used, else the whole drift in time."""
+        return ("um_per_c",) if self.um_per_c != 0.0 else ("um_per_s", "um_per_s2", "um_per_s3")
+
+    def belongs_to_record(self) -> bool:
+        """Return whether this is a drift in time, which no other record repeats."""
+        return self.um_per_c == 0.0
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return a unit for a term that stands at zero."""
+        return abs(value) if value != 0.0 else 1e-6
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return an expansion where the temperature was recorded, a drift in time where it was not."""
-        if all(record.has_temperature for record in evidence.records):
-            return [cls(um_per_c=0.01)]
+        """Return an expansion where the temperature was recorded, and a drift in time."""
         t = evidence.duration_s
-        return [cls(um_per_s=0.01 / t), cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
-                cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3)]  # fmt: skip
+        trials: list[Effect] = [
+            cls(um_per_s=0.01 / t),
+            cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
+            cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3),
+        ]
+        if all(record.has_temperature for record in evidence.records):
+            trials.append(cls(um_per_c=0.01))
+        return trials
