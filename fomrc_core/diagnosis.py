@@ -125,9 +125,16 @@ class Diagnosis:
         return "\n".join(lines)
 
 
-def diagnose(recordings: Recording | Sequence[Recording], *, test: Recording | None = None, report: Recording | None = None,
-             model: PiezoModel | None = None, excluded_causes: Sequence[str] = (), progress: Progress | None = None,
-             executor: Executor | None = None) -> Diagnosis:  # fmt: skip
+def diagnose(
+    recordings: Recording | Sequence[Recording],
+    *,
+    test: Recording | None = None,
+    report: Recording | None = None,
+    model: PiezoModel | None = None,
+    excluded_causes: Sequence[str] = (),
+    progress: Progress | None = None,
+    executor: Executor | None = None,
+) -> Diagnosis:
     """Return what a simulation of the recordings gets wrong.
 
     Args:

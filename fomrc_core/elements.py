@@ -1,4 +1,4 @@
-"""From weights on a grid of thresholds to the Maxwell elements of a model: non-negative, few, and in the right place."""
+"""From weights on a grid of thresholds to the Maxwell elements of a model: non-negative, few, in the right place."""
 
 from __future__ import annotations
 

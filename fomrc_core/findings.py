@@ -103,7 +103,7 @@ def findings_of(steps: tuple[Step, ...], final_chain: Chain, final: Refit, bench
                 score.p_value,
                 evidence,
                 kind.meaning,
-            )  # fmt: skip
+            )
         )
     return tuple(found)
 

@@ -158,6 +158,7 @@ def _polished(dense: OperatorSum, order: float, n_elements: int, records: tuple[
 
 def _choose_count(dense: OperatorSum, order: float, records: tuple[PreparedRecord, ...], starts: Starts,
                   test: Recording | None, tell: Progress) -> Polished:  # fmt: skip
+    held: tuple[PreparedRecord, ...]
     if test is not None:
         learned, held = records, (PreparedRecord.of(test),)
         held_starts = choose_starts(held)
@@ -226,8 +227,9 @@ def fit_of(model: PiezoModel, recordings: Sequence[Recording], test: Recording |
         outcome, reason = FitOutcome.GOOD, f"error {1e3 * error:.3g} nm rms, at the noise of {1e3 * noise:.3g} nm"
     else:
         outcome = FitOutcome.COARSE
-        reason = (f"error {1e3 * error:.3g} nm rms is {error / max(noise, 1e-12):.3g} times the noise: "
-                  "diagnose the record, something is not in the model")  # fmt: skip
+        ratio = error / max(noise, 1e-12)
+        reason = (f"error {1e3 * error:.3g} nm rms is {ratio:.3g} times the noise: diagnose the record, something is "
+                  "not in the model")  # fmt: skip
     return Fit(
         model, outcome, reason, error, 100.0 * error / span, noise, test_error, tuple(offsets), tuple(left), order_error,
         np.full(2 * model.n_elements + 1, np.nan) if errors is None else errors, undetermined,

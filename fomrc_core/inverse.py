@@ -86,8 +86,9 @@ class Compensator:
             (effect.name, effect.inverse_note) for effect in model.effects if effect.name not in inverted
         )
         self._beside = model.of_stage(Stage.HYSTERESIS)
-        self._before = [e for e in reversed(model.effects) if e.can_invert and e.stage in (Stage.SENSED, Stage.MECHANICAL)]
-        self._after = [e for e in reversed(model.effects) if e.can_invert and e.stage in (Stage.SAMPLED_DRIVE, Stage.DRIVE)]
+        undone = [effect for effect in reversed(model.effects) if effect.can_invert]
+        self._before = [effect for effect in undone if effect.stage in (Stage.SENSED, Stage.MECHANICAL)]
+        self._after = [effect for effect in undone if effect.stage in (Stage.SAMPLED_DRIVE, Stage.DRIVE)]
         form = model.play_form if self._beside else model.stop_form
         self._hysteresis = hysteresis_block(form)
         self.at_creep = int(self._hysteresis.size)

@@ -250,7 +250,8 @@ class PiezoModel:
                 raise ParameterError("unknown key", where=where, value=key,
                                      allowed=", ".join((*known, "effects", *names)))  # fmt: skip
         for key in known[:2]:
-            if isinstance(mapping[key], (str, bool)) or any(isinstance(v, (bool, str)) for v in _iterable(mapping[key])):
+            entries = _iterable(mapping[key])
+            if isinstance(mapping[key], (str, bool)) or any(isinstance(v, (bool, str)) for v in entries):
                 raise ParameterError("not a list of numbers", where=f"{where}.{key}", value=mapping[key],
                                      allowed="finite, > 0")  # fmt: skip
         return cls(mapping["kappa_um_per_v"], mapping["saturation_v"], mapping["creep_order"], tuple(effects))
@@ -277,7 +278,8 @@ def _checked_inputs(steps_s: Array, values: Array, name: str) -> tuple[Array, Ar
     is_bad = ~((steps > 0.0) & (steps < np.inf))
     if np.any(is_bad):
         k = int(np.argmax(is_bad))
-        raise ParameterError(f"step {k} is not positive", where="steps_s", value=float(steps[k]), allowed="> 0 s, finite")
+        value = float(steps[k])
+        raise ParameterError(f"step {k} is not positive", where="steps_s", value=value, allowed="> 0 s, finite")
     if not np.all(np.isfinite(inputs)):
         raise ParameterError("value is not finite", where=name, allowed="finite numbers")
     return steps, inputs
