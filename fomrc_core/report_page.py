@@ -128,16 +128,20 @@ def _cause(number: int, finding: Finding) -> str:
 def _without_findings(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.findings:
         yield (
-            f"<p>No cause was accepted: {len(effect_classes())} were tried, and none made the prediction of held-out "
-            "data better by enough to be more than chance.</p>"
+            "<p>No cause was accepted: none made the prediction of held-out data better by enough to be more than "
+            "chance.</p>"
         )
 
 
 def _remains(diagnosis: Diagnosis) -> Iterator[str]:
-    yield (
-        f"<p>On {html.escape(diagnosis.quoted_on)} {diagnosis.unexplained_percent:.3g} % of the power the base model "
-        "left above the noise is still there.</p>"
-    )
+    where = html.escape(diagnosis.quoted_on)
+    if diagnosis.findings:
+        yield (
+            f"<p>On {where} {diagnosis.unexplained_percent:.3g} % of the power the base model left above the noise "
+            "is still there.</p>"
+        )
+    else:
+        yield f"<p>On {where} the error is {diagnosis.final_test_percent:.3g} % of the range.</p>"
     if diagnosis.ambiguous_with:
         yield f"<p>Not told apart: {html.escape(', '.join(diagnosis.ambiguous_with))}.</p>"
     yield f"<p><b>Measure next:</b> {_with_code(diagnosis.next_experiment)}.</p>"

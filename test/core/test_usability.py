@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fomrc_core.cli.application import run
 from fomrc_core.data_sources import fsm, pea_1hz
 from fomrc_core.diagnosis import diagnose
 from fomrc_core.errors import DataUnavailableError, RecordingError
 from fomrc_core.identification import identify
 from fomrc_core.recording import Recording
+from fomrc_core.storage import write_recording
 from fomrc_core.usability import check_usable
 
 _RATE_HZ = 500.0
@@ -58,9 +61,7 @@ def _clipped(lowest_um: float = -np.inf, highest_um: float = np.inf) -> Recordin
         (lambda: _clipped(lowest_um=-2.35), "stand at exactly the lowest reading"),
     ],
 )
-def test_a_record_that_teaches_nothing_is_refused_in_one_line(
-    make: Callable[[], Recording], message: str
-) -> None:
+def test_a_record_that_teaches_nothing_is_refused_in_one_line(make: Callable[[], Recording], message: str) -> None:
     with pytest.raises(RecordingError) as refused:
         check_usable([_record(), make()])
     assert message in str(refused.value)
@@ -107,3 +108,39 @@ def test_measured_records_are_taken() -> None:
     except DataUnavailableError as error:
         pytest.skip(str(error))
     check_usable(records)
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (_cut(_record(), np.arange(1000) < 50), "bad.csv: record is too short, got 50"),
+        (_record(voltage_v=np.ones(1000)), "bad.csv: voltage_v: voltage is constant"),
+        (_with_gap(30), "bad.csv: time_s: gap after sample 399, at 0.798 s"),
+        (_clipped(highest_um=2.0), "bad.csv: displacement_um: sensor is clipped"),
+        (_record(displacement_um=_record().measured_um * 1e-6), "bad.csv: displacement_um: displacement range"),
+        ("time_s,voltage_v,displacement_um\n0,0,0\n0.1,1,1\n0.1,2,2\n", "bad.csv, line 4, column time_s: time does"),
+        ("time_s,voltage_v,displacement_um\n0,0,0\n0.1,nan,1\n", "bad.csv, line 3, column voltage_v: not finite"),
+        ("time_s,current_a,displacement_um\n0,0,0\n0.1,1,1\n", "bad.csv: no column voltage_v"),
+    ],
+)
+def test_the_commands_refuse_it_in_one_line(
+    command: str,
+    rows: Recording | str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if isinstance(rows, str):
+        Path("bad.csv").write_text(rows)
+    else:
+        write_recording(rows, "bad.csv")
+    assert run([command, "bad.csv", "--output", "result"]) == 2
+    told = capsys.readouterr()
+    *progress, line = told.err.splitlines()
+    assert line.startswith(f"fomrc: {message}")
+    assert all(shown.startswith(f"{command}: ") for shown in progress)
+    assert told.out == ""
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and path.name != "bad.csv"]
