@@ -38,10 +38,11 @@ class Calibration:
     Args:
         node: the identification node.
         work: does work in a process; a coroutine function.
+        tell: called where something new is being done.
     """
 
-    def __init__(self, node: Node, work: Callable[..., Any]) -> None:
-        self._node, self._work = node, work
+    def __init__(self, node: Node, work: Callable[..., Any], tell: Callable[[], None]) -> None:
+        self._node, self._work, self._tell = node, work, tell
         self._reason = ""
         self._settings: Any = None
         self._part = 0
@@ -238,3 +239,4 @@ class Calibration:
 
     def _say(self, part: int, doing: str) -> None:
         self._part, self._doing = part, doing
+        self._tell()

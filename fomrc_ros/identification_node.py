@@ -56,7 +56,7 @@ class IdentificationNode(Node):
         self._is_last_good = True
         self._worker: WorkerProcess | None = None
         self._finished: Future | None = None
-        self._calibration = Calibration(self, self._work)
+        self._calibration = Calibration(self, self._work, lambda: self._diagnostics.publish())
         self._publisher = self.create_publisher(String, "~/model", LATCHED, qos_overriding_options=overridable())
         for name, job in (
             ("identify", self._identify),

@@ -127,11 +127,7 @@ class StageDrive:
         seen = seen[np.concatenate(([True], np.diff(seen[:, 0]) > 0.0))]
         lag_s = best_lag_s(sent, seen, self.period_s)
         inside = (sent[:, 0] + lag_s >= seen[0, 0]) & (sent[:, 0] + lag_s <= seen[-1, 0])
-        ticks = np.rint((sent[inside, 0] - sent[inside, 0][0]) / self.period_s).astype(int)
-        # Where ticks were missed the voltage was held until the next one: fill them in.
-        filled = np.arange(ticks[-1] + 1)
-        voltage_v = sent[inside, 1][np.searchsorted(ticks, filled, side="right") - 1]
-        time_s = sent[inside, 0][0] + self.period_s * filled
+        time_s, voltage_v = with_held_voltage(sent[inside, 0], sent[inside, 1], self.period_s)
         moved = np.interp(time_s + lag_s, seen[:, 0], seen[:, 1])
         return Recording(time_s - time_s[0], voltage_v, moved, name=name)
 
@@ -154,8 +150,10 @@ class StageDrive:
         self.voltage_v = self._message.data = voltage_v
         self._publisher.publish(self._message)
         if self._is_recording:
-            # The clock may not have moved between two ticks, where it is simulated; the grid has.
-            self._sent.append((self._grid.time_s, voltage_v))
+            # The clock may not have moved between two ticks, where it is simulated.
+            if self._sent and now_s <= self._sent[-1][0]:
+                now_s = self._sent[-1][0] + 1e-3 * self.period_s
+            self._sent.append((now_s, voltage_v))
 
     def _end(self, reason: str) -> None:
         self.is_driving = False
@@ -176,6 +174,25 @@ class StageDrive:
     def _on_voltage(self, message: Float64) -> None:
         if not self.is_driving and np.isfinite(message.data):
             self.voltage_v = float(message.data)
+
+
+def with_held_voltage(time_s: Array, voltage_v: Array, period_s: float) -> tuple[Array, Array]:
+    """Return times and voltages with missed ticks filled in: the voltage was held until the next one.
+
+    Args:
+        time_s: times at which voltages were sent [s], shape (n,).
+        voltage_v: the voltages [V], shape (n,).
+        period_s: nominal period [s].
+    """
+    times, voltages = [time_s[:1]], [voltage_v[:1]]
+    for k in range(1, time_s.size):
+        if time_s[k] - time_s[k - 1] > 2.0 * period_s:
+            missed = np.arange(time_s[k - 1] + period_s, time_s[k] - 0.5 * period_s, period_s)
+            times.append(missed)
+            voltages.append(np.full(missed.size, voltage_v[k - 1]))
+        times.append(time_s[k : k + 1])
+        voltages.append(voltage_v[k : k + 1])
+    return np.concatenate(times), np.concatenate(voltages)
 
 
 def best_lag_s(sent: Array, seen: Array, period_s: float) -> float:

@@ -25,8 +25,8 @@ def test_executables_and_files_named_exist(file):
     setup = (REPOSITORY / "setup.py").read_text()
     for executable in executables:
         assert f'"{executable} = fomrc_ros.' in setup
-    configs = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and str(node.value).endswith(".yaml")}
-    for name in configs:
+    texts = {str(node.value) for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    for name in (text for text in texts if text.endswith(".yaml")):
         assert (REPOSITORY / "config" / name).exists()
 
 
