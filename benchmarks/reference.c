@@ -9,64 +9,64 @@ typedef struct {
     double *plays, *modes;
 } chain;
 
-static double history(const chain *c) {
-    double sum = c->held * c->previous;
-    for (size_t j = 0; j < c->n_modes; j++) sum += c->weighted_decays[j] * c->modes[j];
-    return sum;
-}
+/* What does not change, in locals: the compiler need not read it again after each store. */
+#define LOCALS \
+    const size_t n_plays = c->n_plays, n_modes = c->n_modes; \
+    const double slope = c->slope, current = c->current, held = c->held; \
+    const double *restrict r = c->thresholds, *restrict g = c->weights, *restrict d = c->decays; \
+    const double *restrict a = c->from_previous, *restrict b = c->from_current, *restrict w = c->weighted_decays; \
+    double *restrict p = c->plays, *restrict q = c->modes; \
+    double previous = c->previous; \
+    (void)n_modes, (void)current, (void)held, (void)d, (void)a, (void)b, (void)w, (void)q, (void)previous
 
-static void remember(chain *c, double value) {
-    double *restrict modes = c->modes;
-    const double *restrict decays = c->decays, *restrict a = c->from_previous, *restrict b = c->from_current;
-    const double previous = c->previous;
-    for (size_t j = 0; j < c->n_modes; j++) modes[j] = decays[j] * modes[j] + a[j] * previous + b[j] * value;
-    c->previous = value;
-}
-
-static double move_plays(chain *c, double value) {
-    double *restrict plays = c->plays;
-    const double *restrict thresholds = c->thresholds, *restrict weights = c->weights;
-    double sum = c->slope * value;
-    for (size_t j = 0; j < c->n_plays; j++) {
-        double low = value - thresholds[j], high = value + thresholds[j], play = plays[j];
-        play = play > low ? play : low;
-        play = play < high ? play : high;
-        plays[j] = play;
-        sum += weights[j] * play;
-    }
-    return sum;
-}
-
-static double move_stops(chain *c, double value) {
-    double *restrict plays = c->plays;
-    const double *restrict thresholds = c->thresholds, *restrict weights = c->weights;
-    double sum = c->slope * value;
-    for (size_t j = 0; j < c->n_plays; j++) {
-        double stop = value - plays[j];
-        stop = stop > -thresholds[j] ? stop : -thresholds[j];
-        stop = stop < thresholds[j] ? stop : thresholds[j];
-        plays[j] = value - stop;
-        sum += weights[j] * stop;
-    }
-    return sum;
-}
-
-void forward(chain *c, size_t n, const double *voltage, double *out) {
+void forward(chain *c, size_t n, const double *restrict voltage, double *restrict out) {
+    LOCALS;
     for (size_t k = 0; k < n; k++) {
-        double moved = move_plays(c, voltage[k]);
-        out[k] = c->current * moved + history(c);
-        remember(c, moved);
+        const double value = voltage[k];
+        double moved = slope * value, history = held * previous;
+        for (size_t j = 0; j < n_plays; j++) {
+            const double low = value - r[j], high = value + r[j];
+            double play = p[j];
+            play = play > low ? play : low;
+            play = play < high ? play : high;
+            p[j] = play;
+            moved += g[j] * play;
+        }
+        for (size_t j = 0; j < n_modes; j++) history += w[j] * q[j];
+        out[k] = current * moved + history;
+        for (size_t j = 0; j < n_modes; j++) q[j] = d[j] * q[j] + a[j] * previous + b[j] * moved;
+        previous = moved;
     }
+    c->previous = previous;
 }
 
-void inverse(chain *c, size_t n, const double *desired, double *out) {
+static inline double move_stops(size_t n_plays, double slope, const double *restrict r, const double *restrict g,
+                                double *restrict p, double value) {
+    double sum = slope * value;
+    for (size_t j = 0; j < n_plays; j++) {
+        double stop = value - p[j];
+        stop = stop > -r[j] ? stop : -r[j];
+        stop = stop < r[j] ? stop : r[j];
+        p[j] = value - stop;
+        sum += g[j] * stop;
+    }
+    return sum;
+}
+
+void inverse(chain *c, size_t n, const double *restrict desired, double *restrict out) {
+    LOCALS;
     for (size_t k = 0; k < n; k++) {
-        double moved = (desired[k] - history(c)) / c->current;
-        remember(c, moved);
-        out[k] = move_stops(c, moved);
+        double history = held * previous;
+        for (size_t j = 0; j < n_modes; j++) history += w[j] * q[j];
+        const double moved = (desired[k] - history) / current;
+        for (size_t j = 0; j < n_modes; j++) q[j] = d[j] * q[j] + a[j] * previous + b[j] * moved;
+        previous = moved;
+        out[k] = move_stops(n_plays, slope, r, g, p, moved);
     }
+    c->previous = previous;
 }
 
-void stops(chain *c, size_t n, const double *displacement, double *out) {
-    for (size_t k = 0; k < n; k++) out[k] = move_stops(c, displacement[k]);
+void stops(chain *c, size_t n, const double *restrict displacement, double *restrict out) {
+    LOCALS;
+    for (size_t k = 0; k < n; k++) out[k] = move_stops(n_plays, slope, r, g, p, displacement[k]);
 }

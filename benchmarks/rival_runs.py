@@ -25,18 +25,14 @@ def pycaputo_trapezoidal(data):
     return time.process_time() - start, np.asarray(x)[1:], importlib.metadata.version("pycaputo")
 
 
-def differint_gl(data, name="GL"):
+def differint_gl(data):
     import differint.differint as library
 
     y = np.concatenate(([0.0], data["walk"]))
     end = float(data["step_s"]) * (y.size - 1)
     start = time.process_time()
-    x = getattr(library, name)(-float(data["order"]), y.tolist(), 0.0, end, y.size)
+    x = library.GL(-float(data["order"]), y.tolist(), 0.0, end, y.size)
     return time.process_time() - start, np.asarray(x)[1:], importlib.metadata.version("differint")
-
-
-def differint_gli(data):
-    return differint_gl(data, "GLI")
 
 
 def opensees_chain(data):
@@ -66,7 +62,6 @@ def opensees_chain(data):
 RUNS = {
     "pycaputo": pycaputo_trapezoidal,
     "differint GL": differint_gl,
-    "differint GLI": differint_gli,
     "openseespy": opensees_chain,
 }
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -24,6 +25,8 @@ from fomrc_core.errors import FomrcError, ParameterError
 RESULT_SUFFIX = ".fit.json"
 MODEL_SUFFIX = ".model.yaml"
 _RECORD_SUFFIXES = (".csv", ".csv.gz", ".txt", ".dat")
+
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 FleetProgress = Callable[[float, str], None]
 
@@ -153,9 +156,18 @@ def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executo
     if given is not None:
         yield given
         return
-    # Spawned: a fork would copy the threads' locks of whatever runs beside it.
-    with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
-        yield pool
+    # Workers as many as processors: threads of the linear algebra on top of them only wait for each other. What
+    # the user has set stays.
+    before = {name: os.environ.get(name) for name in _BLAS_THREADS}
+    os.environ.update({name: "1" for name, value in before.items() if value is None})
+    try:
+        # Spawned: a fork would copy the threads' locks of whatever runs beside it.
+        with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
 
 
 def identify_record(recording: str, output: str, options: FleetOptions) -> FleetRecord:

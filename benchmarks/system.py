@@ -1,0 +1,132 @@
+"""Memory, identification, diagnosis, fleets."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.subjects import ROOT, record, table_1
+from benchmarks.timing import Row
+
+_PEAK = "import resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+
+
+def memory() -> list[Row]:
+    """Peak memory of an hour in one batch, and of a day in chunks, each in a process of its own."""
+    hour = (
+        "from benchmarks.subjects import drive, table_1\n"
+        "s, u = drive(3_600_000); x = table_1().simulate(s, u); assert x.size == 3_600_000\n" + _PEAK
+    )
+    day = (
+        "import numpy as np; from benchmarks.subjects import drive, table_1\n"
+        "from fomrc_core.streaming import Chunk, stream\n"
+        "s, u = drive(200_000); n = 0\n"
+        "for x in stream(table_1(), (Chunk(s, u) for _ in range({chunks}))): n += x.size\n"
+        "assert n == {chunks} * 200_000\n" + _PEAK
+    )
+    scripts = {"hour": hour, "minutes": day.format(chunks=2), "day": day.format(chunks=432)}
+    peak, seconds = {}, {}
+    for name, script in scripts.items():
+        start = time.perf_counter()
+        done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+        peak[name], seconds[name] = float(done.stdout.split()[-1]), time.perf_counter() - start
+    return [
+        Row("an hour at 1 kHz in one batch, peak memory of the process", f"{peak['hour']:.0f} MB", "< 500 MB",
+            peak["hour"] < 500.0),
+        Row("a day at 1 kHz in chunks, peak memory of the process",
+            f"{peak['day']:.0f} MB in {seconds['day']:.1f} s; {peak['minutes']:.0f} MB for 400 s of it",
+            "constant", peak["day"] <= 1.05 * peak["minutes"]),
+    ]  # fmt: skip
+
+
+def identification() -> list[Row]:
+    """Identify Table 1 from 60 000 samples with 1 nm of noise, in processes of their own."""
+    script = "import json; from benchmarks.system import identify_once; print(json.dumps(identify_once()))"
+    rows = []
+    for threads in ("1", None):
+        environment = {**os.environ, **({"OPENBLAS_NUM_THREADS": threads} if threads else {})}
+        done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True,
+                              env=environment)  # fmt: skip
+        seconds, ratio, off = json.loads(done.stdout)
+        what = "one thread of linear algebra" if threads else "linear algebra with threads as it likes"
+        rows.append(Row(
+            f"identify 22 parameters, 60 000 samples, {what}",
+            f"{seconds:.2f} s CPU, rms {ratio:.4f} x noise, creep order {100 * off:.2f} % off",
+            "<= 0.5 s; <= 1.01 x noise" if threads else "",
+            seconds <= 0.5 and ratio <= 1.01 if threads else None,
+        ))  # fmt: skip
+    return rows
+
+
+def identify_once(n: int = 60_000, noise_um: float = 1e-3) -> tuple[float, float, float]:
+    """Return processor time [s] of an identification after a warm-up, rms over noise, relative error of the order."""
+    from fomrc_core.identification import identify
+
+    measured = record(n, noise_um)
+    identify(record(4000, noise_um), n_elements=10)
+    best = float("inf")
+    for _ in range(3):
+        start = time.process_time()
+        fit = identify(measured, n_elements=10)
+        best = min(best, time.process_time() - start)
+    return best, fit.rms_um / noise_um, abs(fit.model.creep_order / 0.015 - 1.0)
+
+
+def diagnosis(n: int = 90_000) -> list[Row]:
+    """Diagnose a record of 90 000 samples that hides an amplifier's bandwidth."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from fomrc_core.diagnosis import diagnose
+    from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+    from fomrc_core.recording import Recording
+
+    plain = record(n, 0.0)
+    hidden = table_1().with_effects(AmplifierBandwidth(cutoff_hz=40.0))
+    moved = hidden.simulate(plain.steps_s, plain.voltage_v)
+    noisy = moved + 2e-3 * np.random.default_rng(3).standard_normal(n)
+    measured = Recording(plain.time_s, plain.voltage_v, noisy)
+    short = Recording(plain.time_s[:9000], plain.voltage_v[:9000], noisy[:9000])
+    with ThreadPoolExecutor(2) as executor:
+        diagnose(short, executor=executor)
+        start, cpu = time.perf_counter(), time.process_time()
+        found = diagnose(measured, executor=executor)
+        seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    first = found.findings[0].cause if found.findings else "none"
+    return [Row(f"diagnose {n} samples, all causes, 2 threads", f"{seconds:.1f} s ({cpu:.1f} s CPU), found {first}",
+                "<= 15 s", seconds <= 15.0)]  # fmt: skip
+
+
+def fleet(n_records: int = 64, n_samples: int = 60_000) -> list[Row]:
+    """64 recordings on one and on two worker processes, kept alive, after a warm-up of each worker."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from fomrc_core.fleet import identify_fleet
+    from fomrc_core.storage import write_recording
+
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")  # of the workers: one processor each
+    seconds: dict[int, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        paths = []
+        for index in range(n_records):
+            path = Path(folder) / f"unit_{index:02d}.csv"
+            write_recording(record(n_samples, 1e-3, seed=index), path)
+            paths.append(path)
+        for n_workers in (1, 2):
+            with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
+                identify_fleet(paths[: 2 * n_workers], Path(folder) / f"warm_{n_workers}", executor=pool)
+                start = time.perf_counter()
+                done = identify_fleet(paths, Path(folder) / f"out_{n_workers}", executor=pool)
+                seconds[n_workers] = time.perf_counter() - start
+            assert all(r.is_done for r in done)
+    ratio = seconds[1] / seconds[2]
+    return [Row(f"{n_records} recordings of {n_samples} samples on 2 workers against 1",
+                f"{ratio:.2f} x ({seconds[1]:.0f} s and {seconds[2]:.0f} s, reading and writing of files included)",
+                ">= 1.8 x", ratio >= 1.8)]  # fmt: skip
