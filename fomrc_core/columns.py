@@ -82,8 +82,8 @@ def creep_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps
 
 
 @compiled_sums
-    # The shifted modes of creep.py, a row for each, padded to whole groups of four with modes that weigh nothing
-                      n_skipped: int, out: Array) -> None:  # fmt: skip
+def _fill_equal_steps(thresholds: Array, knees: Array, kinds: NDArray[np.int64], block: Array, drive: Array,
+                      steps: Array, n_skipped: int, out: Array) -> None:  # fmt: skip
     n_columns = thresholds.size
     n_modes = int(block[N_MODES])
     plays, slopes, now, before = (np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns))
