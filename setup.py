@@ -56,6 +56,7 @@ setup(
         "typer>=0.12",
         "rich>=13",
         "pooch>=1.7",
+        "threadpoolctl>=3",
     ],
     extras_require=extras,
     data_files=[

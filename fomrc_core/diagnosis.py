@@ -16,6 +16,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.algebra_threads import with_one_algebra_thread
 from fomrc_core.base_fit import centred, choose_starts, fit_base, rebased, residuals, threshold_grid
 from fomrc_core.bench import Bench, HeldOut, held_residuals, lay_out
 from fomrc_core.chain import Chain, PreparedRecord, predict
@@ -125,6 +126,7 @@ class Diagnosis:
         return "\n".join(lines)
 
 
+@with_one_algebra_thread
 def diagnose(
     recordings: Recording | Sequence[Recording],
     *,

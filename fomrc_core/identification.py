@@ -14,6 +14,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.algebra_threads import with_one_algebra_thread
 from fomrc_core.base_fit import centred, choose_starts, fit_base, record_columns, threshold_grid
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.columns import ColumnKinds
@@ -79,6 +80,7 @@ class Fit:
     starts: tuple[str, ...]
 
 
+@with_one_algebra_thread
 def identify(recordings: Recording | Sequence[Recording], *, n_elements: int | str = 10, method: str = "convex",
              test: Recording | None = None, progress: Progress | None = None) -> Fit:  # fmt: skip
     """Return the model that fits the recordings.
