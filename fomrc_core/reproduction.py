@@ -90,7 +90,7 @@ def reproduce(
     tell(0.4, "steps")
     steps = experiments.step_runs(rig, found.convex.model)
     tell(0.45, "triangles of ten slopes")
-    slopes = experiments.slope_runs(rig, found.convex.model, found.fast_model)
+    slopes = experiments.slope_runs(rig, found.convex.model, found.fast_model, found.diagnosed_model)
     tell(0.5, "staircase, tracking and linearity")
     staircase = experiments.staircase_run(rig, found.convex.model)
     tracking = experiments.tracking_run(rig, found.both_model)
@@ -118,7 +118,7 @@ def reproduce(
         *start_claims(found, study),
         *drift_claims(without, with_routine),
         *table2_claims(steps),
-        *table3_claims(slopes),
+        *table3_claims(slopes, found.diagnosed_model),
         *compensation_claims(staircase, tracking, linearity),
     )
     _save(drawn, directory)
@@ -155,6 +155,7 @@ def _json(reproduction: Reproduction, found: Identified, study: StartStudy) -> s
         "model_convex": found.convex.model.to_mapping(),
         "model_both_recordings": found.both_model.to_mapping(),
         "model_with_fast_effects": found.fast_model.to_mapping(),
+        "model_diagnosed": found.diagnosed_model.to_mapping(),
         "model_paper_route": found.paper.model.to_mapping(),
         "random_starts": {
             "start_rms_um": study.start_rms_um.tolist(),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core import reproduction_experiments as experiments
+from fomrc_core.model import PiezoModel
 from fomrc_core.recording import Recording
 from fomrc_core.reproduction_identification import Identified, StartStudy
 
@@ -141,8 +142,9 @@ def table2_claims(steps: list[experiments.Run]) -> list[Claim]:
     ]
 
 
-def table3_claims(slopes: list[experiments.Run]) -> list[Claim]:
+def table3_claims(slopes: list[experiments.Run], diagnosed: PiezoModel) -> list[Claim]:
     """Return Table 3, triangles of ten slopes."""
+    names = ", ".join(effect.name for effect in diagnosed.effects) or "nothing"
     claims = []
     for run in slopes:
         paper = experiments.PAPER_TABLE3[run.label]
@@ -167,6 +169,17 @@ def table3_claims(slopes: list[experiments.Run]) -> list[Claim]:
                 EXTENDED_BAR_PERCENT,
             )
         )
+        if not is_slow:
+            claims.append(
+                Claim(
+                    "Table 3",
+                    f"{run.label:g} V/s, with what a diagnosis named ({names})",
+                    "%",
+                    math.nan,
+                    run.diagnosed_percent,
+                    EXTENDED_BAR_PERCENT,
+                )
+            )
     return claims
 
 

@@ -41,6 +41,7 @@ class Run:
         predicted_um: by the model [um].
         percent: NRMSE; for steps of the displacement at 60 s, else of the measured range [%].
         extended_percent: NRMSE with amplifier and resonance added [%]; nan where not asked for.
+        diagnosed_percent: NRMSE with the effects a diagnosis named [%]; nan where not asked for.
     """
 
     label: float
@@ -48,6 +49,7 @@ class Run:
     predicted_um: Array
     percent: float
     extended_percent: float = float("nan")
+    diagnosed_percent: float = float("nan")
 
     @property
     def error_um(self) -> Array:
@@ -88,7 +90,9 @@ def step_runs(rig: SimulatedRig, model: PiezoModel) -> list[Run]:
     return runs
 
 
-def slope_runs(rig: SimulatedRig, model: PiezoModel, extended: PiezoModel) -> list[Run]:
+def slope_runs(
+    rig: SimulatedRig, model: PiezoModel, extended: PiezoModel, diagnosed: PiezoModel
+) -> list[Run]:
     """Figures 12, 13 and Table 3: triangles of ten slopes, 1 kHz, slower ones sampled in proportion."""
     runs = []
     for seed, slope in enumerate(PAPER_TABLE3):
@@ -98,6 +102,7 @@ def slope_runs(rig: SimulatedRig, model: PiezoModel, extended: PiezoModel) -> li
         )
         predicted = model.simulate(recording.steps_s, recording.voltage_v)
         fast = extended.simulate(recording.steps_s, recording.voltage_v)
+        found = diagnosed.simulate(recording.steps_s, recording.voltage_v)
         runs.append(
             Run(
                 slope,
@@ -105,6 +110,7 @@ def slope_runs(rig: SimulatedRig, model: PiezoModel, extended: PiezoModel) -> li
                 predicted,
                 nrmse_percent(recording.measured_um, predicted),
                 nrmse_percent(recording.measured_um, fast),
+                nrmse_percent(recording.measured_um, found),
             )
         )
     return runs

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from fomrc_core import excitation
+from fomrc_core.diagnosis import diagnose
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
@@ -39,6 +40,7 @@ class Identified:
         paper: the paper's route.
         both_model: the convex route on staircase and triangle, for compensation.
         fast_model: the convex model with amplifier and resonance fitted on a fast recording.
+        diagnosed_model: the convex model with the effects a diagnosis named.
         convex_s: time of the convex route [s].
         paper_s: time of the paper's route [s].
     """
@@ -50,6 +52,7 @@ class Identified:
     paper: PaperFit
     both_model: PiezoModel
     fast_model: PiezoModel
+    diagnosed_model: PiezoModel
     convex_s: float
     paper_s: float
 
@@ -81,8 +84,29 @@ def identification_runs(rig: SimulatedRig, tell: Tell) -> Identified:
     slower = rig.measure(excitation.staircase(AMPLITUDE_V, rate_hz=50.0), seed=4)
     paper = identify_paper([slower], N_ELEMENTS, paper_start, max_iterations=80)
     paper_s = time.perf_counter() - start
+    tell(0.9, "diagnosis of fast recordings")
     extended = convex.model.with_effects(*effects)
-    return Identified(triangle, staircase, step, convex, paper, both.model, extended, convex_s, paper_s)
+    diagnosed = convex.model.with_effects(*diagnosed_effects(rig))
+    return Identified(
+        triangle, staircase, step, convex, paper, both.model, extended, diagnosed, convex_s, paper_s
+    )
+
+
+def diagnosed_effects(rig: SimulatedRig) -> tuple[Effect, ...]:
+    """Return the effects a diagnosis names when given fast recordings, and not told what to look for."""
+    recordings = [
+        rig.measure(excitation.staircase(AMPLITUDE_V, n_cycles=1, dwell_s=2.0, rate_hz=200.0), seed=6),
+        rig.measure(excitation.triangle(AMPLITUDE_V, slope_v_per_s=60.0), seed=7),
+        rig.measure(_fast_multisine(2.0, seed=0), seed=8),
+    ]
+    found = diagnose(recordings, test=rig.measure(_fast_multisine(1.7, seed=4), seed=9))
+    return found.extended_model.effects
+
+
+def _fast_multisine(amplitude_v: float, seed: int) -> excitation.Excitation:
+    return excitation.multisine(
+        amplitude_v, lowest_hz=1.0, highest_hz=3000.0, period_s=0.5, n_periods=2, seed=seed, rate_hz=1e4
+    )
 
 
 def passed_on(recording: Recording, effects: tuple[Effect, ...]) -> Recording:

@@ -32,7 +32,8 @@ its Table 2; nonlinearity is the largest deviation from the best straight line, 
 triangles slower than 1&nbsp;V/s are sampled in proportion to their slope.</p> <p>FOMRC has ten elements,
 identified on the staircase as in the paper's (34), but by the convex route; for figures 15 and 16 on
 staircase and 1&nbsp;V/s triangle together. Amplifier and resonance were fitted on a multisine sampled at
-10&nbsp;kHz; tables and figures are held-out recordings.</p>
+10&nbsp;kHz. Beside that stands what <code>fomrc diagnose</code> named when given fast recordings and not told what to
+look for. Tables and figures are held-out recordings.</p>
 """
 
 

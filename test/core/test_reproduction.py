@@ -26,9 +26,12 @@ def test_every_bar_is_met(made):
     claims = made[0].claims
     assert [claim for claim in claims if claim.is_met is False] == []
     assert sum(claim.where == "Table 2" and claim.is_met is True for claim in claims) == len(PAPER_TABLE2)
-    extended = [claim for claim in claims if "amplifier" in claim.what]
+    extended = [claim for claim in claims if "amplifier and resonance" in claim.what]
     assert len(extended) == len(PAPER_TABLE3)
     assert max(claim.value for claim in extended) <= 0.40
+    named = [claim for claim in claims if "diagnosis" in claim.what]
+    assert len(named) == 5  # above 5 V/s
+    assert all("amplifier_bandwidth" in claim.what for claim in named)
 
 
 def test_every_figure_is_there_twice_and_the_page_needs_nothing_else(made):
