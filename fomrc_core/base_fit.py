@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fomrc_core.chain import Chain, PreparedRecord, fit_modes, predict
 from fomrc_core.columns import ColumnKinds, creep_columns
 from fomrc_core.effects import Stage
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
@@ -103,6 +104,9 @@ def record_columns(chain: Chain, record: PreparedRecord, index: int, about: Chai
     for effect in effects:
         if effect.stage is Stage.DRIVE:
             drive = effect.run(effect.initial_state(), drive, steps)
+    for effect in effects:
+        if isinstance(effect, AsymmetricHysteresis):
+            drive = effect.warp(drive)
     mechanical = [effect for effect in effects if effect.stage is Stage.MECHANICAL]
     columns = creep_columns(chain.columns, fit_modes(chain.creep_order), drive, steps, 0 if mechanical else n_before)
     if mechanical:

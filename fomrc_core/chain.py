@@ -98,19 +98,25 @@ class Chain:
         return bool(np.any(np.isfinite(self.columns.knees_v)))
 
     def asymmetry(self) -> AsymmetricHysteresis:
-        """Return the plays with knees as an effect."""
+        """Return the plays with knees, and the warp of the drive where there is one, as an effect."""
         kneed = np.isfinite(self.columns.knees_v)
-        return AsymmetricHysteresis(
-            tuple(self.columns.thresholds_v[kneed].tolist()),
-            tuple(self.columns.knees_v[kneed].tolist()),
-            tuple(self.weights[kneed].tolist()),
+        bare = next((e for e in self.effects if isinstance(e, AsymmetricHysteresis)), AsymmetricHysteresis())
+        return replace(
+            bare,
+            thresholds_v=tuple(self.columns.thresholds_v[kneed].tolist()),
+            knees_v=tuple(self.columns.knees_v[kneed].tolist()),
+            weights_um_per_v=tuple(self.weights[kneed].tolist()),
         )
+
+    def actuator_effects(self) -> tuple[Effect, ...]:
+        """Return the effects of the actuator, the plays with knees among them."""
+        others = tuple(e for e in self.effects if not isinstance(e, AsymmetricHysteresis))
+        return (*others, self.asymmetry()) if self.has_knees else self.effects
 
     def effects_in(self, index: int) -> tuple[Effect, ...]:
         """Return every effect that acts in a record, in the order of the chain."""
         own = self.record_effects[index] if index < len(self.record_effects) else ()
-        kneed = (self.asymmetry(),) if self.has_knees else ()
-        return tuple(sorted((*self.effects, *own, *kneed), key=lambda effect: effect.place))
+        return tuple(sorted((*self.actuator_effects(), *own), key=lambda effect: effect.place))
 
     def operator(self) -> OperatorSum:
         """Return the plain plays as slope, thresholds and weights."""

@@ -28,6 +28,7 @@ _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, 
 _CLOSE_TO_BEST = 0.2
 _TRAINING_COUNTS = 0.3
 _MAX_STARTS = 12
+_RICH_PENALTY = 1.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,8 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
             fits.append(refit(start, bench.train, None if is_new else directions, n_iterations=8))
     if not fits:
         return None
-    best = min(fits, key=lambda f: f.squared_error)
+    # twenty more weights must earn their keep
+    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
     if best.squared_error < 0.5 * error or not best.is_converged:
         again = refit(rebased(best.chain, bench.train), bench.train, n_iterations=8)
         best = again if again.squared_error < best.squared_error else best
@@ -146,9 +148,7 @@ def _clear_error(start: Chain, bench: Bench, space: Tangent) -> float:
 
 def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, space: Tangent) -> list[Chain]:
     if isinstance(trials[0].effect, AsymmetricHysteresis):
-        columns = family_columns(chain, trials[0].effect)
-        added = columns.thresholds_v.size - chain.weights.size
-        return [replace(chain, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))]
+        return _asymmetric_starts(chain, trials)
     if bound:
         joined = chain
         seen: set[int] = set()
@@ -163,6 +163,21 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, spa
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
     options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
     return sorted(options, key=lambda option: _clear_error(option, bench, space))[:2]
+
+
+def _asymmetric_starts(chain: Chain, trials: list[Screened]) -> list[Chain]:
+    """Return a warp of the drive alone, and the whole family of one-sided plays with a warp."""
+    warped = chain.with_effect(AsymmetricHysteresis(warp_per_v=1e-9, warp_per_v2=1e-9))
+    family = next(
+        (t.effect for t in trials if isinstance(t.effect, AsymmetricHysteresis) and t.effect.thresholds_v), None
+    )
+    if family is None:
+        return [warped]
+    assert isinstance(family, AsymmetricHysteresis)
+    columns = family_columns(chain, family)
+    added = columns.thresholds_v.size - chain.weights.size
+    full = replace(warped, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))
+    return [warped, full]
 
 
 def _scanned(start: Chain, bench: Bench, space: Tangent, trial: Screened) -> Chain:

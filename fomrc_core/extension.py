@@ -61,8 +61,7 @@ def extend(chain: Chain, bench: Bench) -> Extension:
     )
     final = replace(chain, columns=columns_kept, weights=weights[kept])
     operator: OperatorSum = final.operator()
-    effects = list(final.effects) + ([final.asymmetry()] if final.has_knees else [])
-    effects += _own_effects(final, len(bench.train))
+    effects = [*final.actuator_effects(), *_own_effects(final, len(bench.train))]
     model = PiezoModel(*elements_from_play_form(operator), final.creep_order, tuple(effects))
     return Extension(model, final)
 

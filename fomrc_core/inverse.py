@@ -14,6 +14,7 @@ from fomrc_core.chain_kernels import inverse, inverse_step
 from fomrc_core.compiled import IS_COMPILED, compiled
 from fomrc_core.creep import creep_block, differentiate_step
 from fomrc_core.effects import Effect, Stage
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.kernels import knee_sum
 from fomrc_core.hysteresis import HEADER, N_PLAYS, SLOPE, hysteresis_block, move_plays
@@ -139,6 +140,9 @@ class Compensator:
         voltage = np.empty(wanted.size)
         if self._beside:
             self._run_beside(state, wanted, steps, voltage)
+            for beside in self._beside:
+                if isinstance(beside, AsymmetricHysteresis):
+                    voltage = beside.unwarp(voltage)
         else:
             inverse(state.packed, self.at_creep, wanted, steps, voltage)
         for effect in self._after:
@@ -152,11 +156,11 @@ class Compensator:
     def _run_beside(self, state: ModelState, wanted: Array, steps: Array, voltage: Array) -> None:
         blocks = [state.effects[effect.name] for effect in self._beside]
         sizes = [int(block[0]) for block in blocks]
-        parts = [block[1:].reshape(4, -1) for block in blocks]
+        parts = [block[1:].reshape(4, size) for block, size in zip(blocks, sizes, strict=True)]
         joined = np.concatenate(([float(sum(sizes))], np.hstack(parts).reshape(-1)))
         last = float(state.effects.setdefault("last_voltage_v", np.zeros(1))[0])
         _inverse_beside(state.packed, self.at_creep, joined, wanted, steps, last, voltage)
         state.effects["last_voltage_v"][0] = voltage[-1]
-        plays = joined[1:].reshape(4, -1)[3]
+        plays = joined[1:].reshape(4, sum(sizes))[3]
         for block, part in zip(blocks, np.split(plays, np.cumsum(sizes)[:-1]), strict=True):
             block[1 + 3 * int(block[0]) :] = part

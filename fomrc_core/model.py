@@ -19,6 +19,7 @@ from fomrc_core.chain_kernels import forward, forward_beside, forward_step
 from fomrc_core.compiled import IS_COMPILED
 from fomrc_core.creep import CreepModes, check_order, creep_block, creep_modes
 from fomrc_core.effects import Effect, Stage, effect_class
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.errors import ParameterError
 from fomrc_core.hysteresis import HEADER as PLAYS_HEADER
@@ -352,6 +353,9 @@ def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], ste
     for effect in stages[Stage.DRIVE]:
         fine_drive = effect.run(state.effects[effect.name], fine_drive, fine_steps)
     moved = np.empty(fine_drive.size)
+    for effect in stages[Stage.HYSTERESIS]:
+        if isinstance(effect, AsymmetricHysteresis):
+            fine_drive = effect.warp(fine_drive)
     if stages[Stage.HYSTERESIS]:
         added = np.zeros(fine_drive.size)
         for effect in stages[Stage.HYSTERESIS]:

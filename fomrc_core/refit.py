@@ -241,7 +241,7 @@ def _damped_step(hessian: Array, gradient: Array, damping: float) -> Array:
 
 
 def scan(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, parameter: FreeParameter,
-         widths: tuple[float, ...] = (4e-4, 4e-5, 4e-6), n_points: int = 25) -> Chain:  # fmt: skip
+         widths: tuple[float, ...] = (1.5e-3, 1e-4, 1e-5), n_points: int = 31) -> Chain:  # fmt: skip
     """Return the chain with one parameter at the best of ever finer grids about its value.
 
     For responses that jump with the parameter, where a derivative says nothing.

@@ -133,16 +133,15 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
         kind = effect_classes()[name]
         if kind is MissingHysteresis:
             continue
-        if kind is AsymmetricHysteresis:
-            found += [_screen_family(chain, records, space, clear, effect) for effect in kind.screening(evidence)]
-        else:
-            for effect in kind.screening(evidence):
-                if not effect.belongs_to_record():
-                    found += _screen_one(chain, records, space, clear, plain, effect, None, held)
-            for i, own in enumerate(evidence.records):
-                for effect in kind.screening(Evidence((own,), noise_um)):
-                    if effect.belongs_to_record():
-                        found += _screen_one(chain, records, space, clear, plain, effect, i)
+        for effect in kind.screening(evidence):
+            if isinstance(effect, AsymmetricHysteresis) and effect.thresholds_v:
+                found.append(_screen_family(chain, records, space, clear, effect))
+            elif not effect.belongs_to_record():
+                found += _screen_one(chain, records, space, clear, plain, effect, None, held)
+        for i, own in enumerate(evidence.records):
+            for effect in kind.screening(Evidence((own,), noise_um)):
+                if effect.belongs_to_record():
+                    found += _screen_one(chain, records, space, clear, plain, effect, i)
     return sorted(found, key=lambda screened: -screened.explained)
 
 

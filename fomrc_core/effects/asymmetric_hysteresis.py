@@ -18,10 +18,11 @@ _KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
 
 @dataclass(frozen=True)
 class AsymmetricHysteresis(Effect):
-    """A sum of plays that count only above a knee, of either sign, beside the Maxwell elements.
+    """A warp of the drive before the elements, and plays that count only above a knee beside them.
 
-    Threshold zero is a bend of the drive itself; the others make hysteresis depend on where in the range it
-    happens. Together they are a coarse Preisach density that depends on the mean as well as on the width.
+    The warp u + q u^2 + c u^3 stretches the thresholds over the range. The plays, of either sign, make hysteresis
+    depend on where in the range it happens (threshold zero is a bend of the drive itself): a coarse Preisach density
+    that depends on the mean as well as on the width.
     """
 
     name: ClassVar[str] = "asymmetric_hysteresis"
@@ -31,6 +32,8 @@ class AsymmetricHysteresis(Effect):
         Parameter("thresholds_v", "V", 0.0, 1e6, is_list=True, description="half widths of the one-sided plays"),
         Parameter("knees_v", "V", -1e6, 1e6, is_list=True, description="where each begins to count"),
         Parameter("weights_um_per_v", "um/V", -1e6, 1e6, is_list=True, description="their weights"),
+        Parameter("warp_per_v", "1/V", -1.0, 1.0, description="quadratic warp of the drive"),
+        Parameter("warp_per_v2", "1/V^2", -1.0, 1.0, description="cubic warp of the drive"),
     )
     main_parameter: ClassVar[str] = "weights_um_per_v"
     meaning: ClassVar[str] = "Poled ceramic switches more easily along the poling field than against it."
@@ -38,11 +41,13 @@ class AsymmetricHysteresis(Effect):
     experiment: ClassVar[str] = "small slow triangles about several mean voltages: loops of unequal width and slope"
     inverse_note: ClassVar[str] = "inverted by a scalar search, while displacement still rises with voltage"
     can_invert: ClassVar[bool] = True
-    linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v",)
+    linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v", "warp_per_v", "warp_per_v2")
 
-    thresholds_v: tuple[float, ...]
-    knees_v: tuple[float, ...]
-    weights_um_per_v: tuple[float, ...]
+    thresholds_v: tuple[float, ...] = ()
+    knees_v: tuple[float, ...] = ()
+    weights_um_per_v: tuple[float, ...] = ()
+    warp_per_v: float = 0.0
+    warp_per_v2: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,15 +60,48 @@ class AsymmetricHysteresis(Effect):
         """Return the packed one-sided plays, relaxed."""
         return knee_block(np.array(self.thresholds_v), np.array(self.knees_v), np.array(self.weights_um_per_v))
 
+    def free_names(self) -> tuple[str, ...]:
+        """Return the warp; the weights belong to the linear part of a fit."""
+        return ("warp_per_v", "warp_per_v2")
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return a unit for a warp that stands at zero."""
+        return max(abs(value), 1e-3)
+
+    def warp(self, drive_v: Array) -> Array:
+        """Return the warped drive [V], which the elements see."""
+        if self.warp_per_v == 0.0 and self.warp_per_v2 == 0.0:
+            return drive_v
+        return drive_v * (1.0 + drive_v * (self.warp_per_v + self.warp_per_v2 * drive_v))
+
+    def unwarp(self, warped_v: Array) -> Array:
+        """Return the drive [V] that gives a warped one, by Newton's method from the drive itself.
+
+        Raises:
+            ParameterError: the warp turns back within the range asked for.
+        """
+        drive = warped_v
+        for _ in range(60):
+            slope = 1.0 + drive * (2.0 * self.warp_per_v + 3.0 * self.warp_per_v2 * drive)
+            if np.any(slope <= 0.0):
+                raise ParameterError("drive warp turns back", where=self.name, value=self.warp_per_v,
+                                     allowed="a warp that rises over the range")  # fmt: skip
+            step = (self.warp(drive) - warped_v) / slope
+            drive = drive - step
+            if np.all(np.abs(step) <= 1e-15 * (1.0 + np.abs(drive))):
+                break
+        return drive
+
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return what is added to the elements' sum [um], shape (n_samples,), for the drive [V]."""
+        """Return what is added to the elements' sum [um], shape (n_samples,), for the warped drive [V]."""
         out = np.empty(values.size)
         run_knees(state, values, out)
         return out
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return the whole family of one-sided plays over the range of the drive, with zero weights."""
+        """Return the whole family of one-sided plays over the drive's range, with zero weights, and warps alone."""
         low, span = evidence.smallest_v, evidence.largest_v - evidence.smallest_v
         pairs = [(span * t, low + span * k) for t in _THRESHOLD_SHARES for k in _KNEE_SHARES]
-        return [cls(tuple(t for t, _ in pairs), tuple(k for _, k in pairs), (0.0,) * len(pairs))]
+        family = cls(tuple(t for t, _ in pairs), tuple(k for _, k in pairs), (0.0,) * len(pairs))
+        return [family, cls(warp_per_v=1e-3 / span), cls(warp_per_v2=1e-3 / span**2)]

@@ -51,15 +51,18 @@ class DacQuantization(Effect):
         if span <= 0.0:
             return []
         n_bins = 1 << 17
-        sums = np.zeros(n_bins)
-        for record in evidence.records:
-            moving = np.abs(np.gradient(record.voltage_v)) > 0.0
-            bins = ((record.voltage_v[moving] - low) / span * (n_bins - 1)).astype(np.int64)
-            # differences take out what is slow in time: the sawtooth is fast in voltage and so in time
-            fast = record.residual_um - _running_mean(record.residual_um, 25)
-            sums += np.bincount(bins, weights=fast[moving], minlength=n_bins)
         n_padded = 4 * n_bins
-        spectrum = np.abs(np.fft.rfft(sums, n_padded))
+        power = np.zeros(n_padded // 2 + 1)
+        for record in evidence.records:
+            rate = np.gradient(record.voltage_v) / record.steps_s
+            # what is slow in time is not the sawtooth, which is fast in voltage and so in time
+            fast = record.residual_um - _running_mean(record.residual_um, 25)
+            bins = ((record.voltage_v - low) / span * (n_bins - 1)).astype(np.int64)
+            # A lag behind the converter shifts the sawtooth in proportion to the rate: powers of rates are added.
+            for group in _groups_of_rate(rate):
+                sums = np.bincount(bins[group], weights=fast[group], minlength=n_bins)
+                power += np.abs(np.fft.rfft(sums, n_padded)) ** 2
+        spectrum = np.sqrt(power)
         spectrum[:80] = 0.0
         width = span * n_padded / (n_bins - 1)
         trials: list[Effect] = []
@@ -75,6 +78,19 @@ class DacQuantization(Effect):
             trials.append(cls(step_v=width / (peak + offset)))
             spectrum[max(peak - 12, 0) : peak + 13] = 0.0
         return trials
+
+
+def _groups_of_rate(rate: Array) -> list[Array]:
+    """Return the samples that move, in groups of either direction and like rates."""
+    groups = []
+    for direction in (1.0, -1.0):
+        moving = np.flatnonzero(direction * rate > 0.0)
+        if moving.size < 100:
+            continue
+        edges = np.quantile(np.abs(rate[moving]), (0.0, 0.25, 0.5, 0.75, 1.0))
+        part = np.searchsorted(edges[1:-1], np.abs(rate[moving]), side="right")
+        groups += [moving[part == k] for k in range(4) if np.any(part == k)]
+    return groups
 
 
 def _running_mean(values: Array, half_width: int) -> Array:

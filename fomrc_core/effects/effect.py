@@ -174,9 +174,12 @@ class Effect(ABC):
 
     def to_mapping(self) -> dict[str, float | list[float]]:
         """Return the parameters as plain numbers and lists, as a model file holds them."""
+        values = {spec.name: getattr(self, spec.name) for spec in self.parameters}
+        # ROS cannot tell the type of an empty list, so an empty one is left out
         return {
-            spec.name: list(value) if isinstance(value := getattr(self, spec.name), tuple) else float(value)
-            for spec in self.parameters
+            name: list(value) if isinstance(value, tuple) else float(value)
+            for name, value in values.items()
+            if value != ()
         }
 
 
