@@ -33,7 +33,8 @@ test: $(DEV_STAMP)
 	@$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
 bench: $(DEV_STAMP)
-	@$(BIN)/python -m pytest benchmarks -p no:xdist --benchmark-only $(ARGS)
+	@$(BIN)/python -m pytest benchmarks -p no:xdist --benchmark-only
+	@$(BIN)/python -m benchmarks.ratios $(ARGS)
 
 study: $(DEV_STAMP)
 	@$(BIN)/python test/hidden/study.py $(ARGS)

@@ -1,0 +1,102 @@
+"""pytest-benchmark suites: ``python -m pytest benchmarks --benchmark-only``; no bar is asserted here."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from benchmarks.subjects import MODEL_FILE, ROOT, STEP_S, drive, record, table_1
+from fomrc_core.creep import creep_block, integrate
+from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.hysteresis import hysteresis_block, move_plays_batch, move_stops_batch
+from fomrc_core.inverse import Compensator
+
+N = 100_000
+
+
+@pytest.fixture(scope="module")
+def model():
+    return table_1()
+
+
+def test_forward_batch(benchmark, model):
+    steps, voltage = drive(N)
+    benchmark(model.simulate, steps, voltage)
+
+
+def test_forward_batch_jittered(benchmark, model):
+    _, voltage = drive(N)
+    steps = STEP_S * np.random.default_rng(0).uniform(0.9, 1.1, N)
+    benchmark(model.simulate, steps, voltage)
+
+
+def test_forward_batch_with_effects(benchmark, model):
+    steps, voltage = drive(N)
+    benchmark(model.with_effects(AmplifierBandwidth(50.0), TransportDelay(0.003)).simulate, steps, voltage)
+
+
+def test_inverse_batch(benchmark, model):
+    steps, voltage = drive(N)
+    benchmark(Compensator(model).run, steps, model.simulate(steps, voltage))
+
+
+@pytest.mark.parametrize("form", ["plays", "stops"])
+def test_hysteresis_alone(benchmark, model, form):
+    _, voltage = drive(N)
+    block = hysteresis_block(model.play_form if form == "plays" else model.stop_form)
+    benchmark(move_plays_batch if form == "plays" else move_stops_batch, block, 0, voltage, np.empty(N))
+
+
+def test_creep_alone(benchmark, model):
+    steps, values = drive(N)
+    benchmark(integrate, creep_block(model.creep_modes), 0, values, steps, np.empty(N))
+
+
+@pytest.mark.parametrize("direction", ["forward", "inverse"])
+def test_one_step(benchmark, model, direction):
+    runner = model if direction == "forward" else Compensator(model)
+    benchmark(runner.advance, runner.initial_state(), 0.5, STEP_S)
+
+
+@pytest.mark.parametrize("direction", ["forward", "inverse"])
+def test_one_step_without_numba(benchmark, model, direction):
+    from fomrc_core.plain_chain import PlainChain
+
+    runner = model if direction == "forward" else Compensator(model)
+    state = runner.initial_state()
+    step = getattr(PlainChain(state.packed, runner.at_creep), direction)
+    benchmark(step, 0.5, STEP_S)
+
+
+def test_model_load(benchmark):
+    from fomrc_core.storage import read_model
+
+    benchmark(read_model, MODEL_FILE)
+
+
+def test_import(benchmark):
+    script = "import time, json, numpy; t = time.process_time(); import fomrc_core.model, fomrc_core.inverse\n"
+    script += "print(json.dumps(time.process_time() - t))"
+
+    def start():
+        done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+        return json.loads(done.stdout)
+
+    benchmark.extra_info["import_s"] = benchmark.pedantic(start, rounds=3)
+
+
+def test_identification(benchmark):
+    from fomrc_core.identification import identify
+
+    benchmark.pedantic(identify, args=(record(60_000, 1e-3),), rounds=3, warmup_rounds=1)
+
+
+def test_diagnosis(benchmark):
+    from fomrc_core.diagnosis import diagnose
+
+    benchmark.pedantic(diagnose, args=(record(20_000, 1e-3),), rounds=1, warmup_rounds=1)
