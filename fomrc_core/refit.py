@@ -60,7 +60,7 @@ class FreeParameter:
     @property
     def difference(self) -> float:
         """Coordinate step of the difference quotient."""
-        return 2e-3 if self.spec.is_log else 1e-2
+        return 5e-4 if self.spec.is_log else 5e-3
 
 
 @dataclass(frozen=True, eq=False)

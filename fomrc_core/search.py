@@ -138,6 +138,8 @@ def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[
     for other in contenders:
         if other is winner:
             continue
+        if not other.score.is_worthwhile() or not other.is_plausible:
+            continue
         loss = n_effective * math.log(other.fitted.squared_error / winner.fitted.squared_error)
         same_shape = len(other.held) == len(winner.held) and all(
             a.size == b.size for a, b in zip(other.held, winner.held, strict=True)

@@ -14,12 +14,28 @@ from fomrc_core.effects.evidence import Evidence
 
 @compiled
 def _run_slew(state: Array, slew_v_per_s: float, values: Array, steps_s: Array, out: Array) -> None:
-    output = state[0]
+    # Exact for an input linear over the step: the output runs at the limit until it meets the input, then follows
+    # it, or, where the input is the faster one, runs on behind it.
+    output, before = state[0], state[1]
     for k in range(values.size):
-        room = slew_v_per_s * steps_s[k]
-        output += min(max(values[k] - output, -room), room)
+        step = steps_s[k]
+        slope = (values[k] - before) / step
+        gap = before - output
+        left = step
+        if gap != 0.0:
+            heading = slew_v_per_s if gap > 0.0 else -slew_v_per_s
+            closing = heading - slope
+            meets = closing * gap > 0.0 and gap / closing < step
+            left = step - gap / closing if meets else 0.0
+            output = before + slope * (step - left) if meets else output + heading * step
+        if left > 0.0:
+            if abs(slope) <= slew_v_per_s:
+                output = values[k]
+            else:
+                output += (slew_v_per_s if slope > 0.0 else -slew_v_per_s) * left
+        before = values[k]
         out[k] = output
-    state[0] = output
+    state[0], state[1] = output, before
 
 
 @dataclass(frozen=True)
@@ -43,8 +59,8 @@ class AmplifierSlewLimit(Effect):
     slew_v_per_s: float
 
     def initial_state(self) -> Array:
-        """Return the output [V] at rest."""
-        return np.zeros(1)
+        """Return (output, input) [V] of the step before, at rest."""
+        return np.zeros(2)
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the limited drive [V], shape (n_samples,)."""
