@@ -392,8 +392,8 @@ def test_contradictions_are_named():
         MissingHysteresis(1.0, (0.1,), ())
     with pytest.raises(InputError, match="unknown effect"):
         effect_class("nonsense")
+    effect = TransportDelay(0.1)
     with pytest.raises(InputError, match="no inverse"):
-        effect = TransportDelay(0.1)
         effect.invert(effect.initial_state(), np.ones(2), np.ones(2))
     with pytest.raises(InputError, match="twice"):
         PiezoModel([2.0, 1.0], [0.1], 0.01, (GainDrift(0.1), GainDrift(0.2)))

@@ -109,7 +109,8 @@ from pathlib import Path
 from concurrent.futures import ThreadPoolExecutor
 from fomrc_core.fleet import FleetOptions, identify_fleet, records_in
 with ThreadPoolExecutor(1) as executor:
-    identify_fleet(records_in(Path(sys.argv[1])), Path(sys.argv[2]), options=FleetOptions(n_elements=3), executor=executor)
+    options = FleetOptions(n_elements=3)
+    identify_fleet(records_in(Path(sys.argv[1])), Path(sys.argv[2]), options=options, executor=executor)
 """
 
 

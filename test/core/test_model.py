@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -185,7 +186,8 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
 
 def test_import_compiles_nothing():
     script = (
-        "import fomrc_core.model, fomrc_core.inverse, fomrc_core.effects as e, numba.core.dispatcher as d, gc; e.effect_classes();"
+        "import gc, fomrc_core.model, fomrc_core.inverse, fomrc_core.effects as e, numba.core.dispatcher as d;"
+        "e.effect_classes();"
         "print(sum(len(o.signatures) for o in gc.get_objects() if isinstance(o, d.Dispatcher)))"
     )
     done = subprocess.run(
@@ -206,6 +208,30 @@ def test_kernels_work_where_no_cache_can_be_written():
                           timeout=120, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "True"
+
+
+def test_a_changed_kernel_is_compiled_anew_in_those_that_use_it(tmp_path):
+    # numba looks at the file of the calling kernel alone; here one of another file changes
+    pytest.importorskip("numba")
+    shutil.copytree(ROOT / "fomrc_core", tmp_path / "fomrc_core", ignore=shutil.ignore_patterns("__pycache__"))
+    script = (
+        "import numpy as np; from fomrc_core.model import PiezoModel;"
+        "print(PiezoModel([2.0, 1.0], [0.1], 0.0).simulate(np.full(9, 1e-3), np.ones(9))[-1])"
+    )
+
+    def run() -> float:
+        done = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, timeout=120, check=True
+        )
+        return float(done.stdout)
+
+    before = run()
+    source = tmp_path / "fomrc_core" / "hysteresis.py"
+    text = source.read_text()
+    changed = text.replace("out[k] = slope * value + total", "out[k] = slope * value + total + 100.0")
+    assert changed != text
+    source.write_text(changed)
+    assert run() == pytest.approx(before + 100.0)
 
 
 GOOD = {"kappa_um_per_v": [2.0, 1.0], "saturation_v": [0.1], "creep_order": 0.01}
@@ -280,7 +306,10 @@ def test_bad_signals_are_named():
         assert np.array_equal(state.packed, before.packed)
 
 
-@pytest.mark.parametrize(("voltage_v", "step_s"), [(np.nan, 1e-3), (np.inf, 1e-3), (1.0, 0.0), (1.0, -1e-3), (1.0, np.nan), (1.0, np.inf)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("voltage_v", "step_s"),
+    [(np.nan, 1e-3), (np.inf, 1e-3), (1.0, 0.0), (1.0, -1e-3), (1.0, np.nan), (1.0, np.inf)],
+)
 @pytest.mark.parametrize("with_effects", [False, True])
 def test_a_bad_step_is_refused_and_leaves_the_state(voltage_v, step_s, with_effects):
     model = table_1()
