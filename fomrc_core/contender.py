@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fomrc_core.acceptance import HeldOutScore, held_out_score
 from fomrc_core.base_fit import Tangent, rebased, residuals, squared_error, tangent
 from fomrc_core.bench import Bench, HeldOut, held_blocks, held_residuals, learned_blocks, starts_unsure, with_own
-from fomrc_core.chain import Chain
+from fomrc_core.chain import Chain, predict
 from fomrc_core.effects import Effect, effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
@@ -137,8 +137,22 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     longest = max(float(record.time_s[-1]) for record in bench.train)
     own = [e for part in fitted.chain.record_effects[: len(bench.train)] for e in part]
     is_plausible = all(e.is_plausible(longest) for e in (*fitted.chain.effects, *own))
+    is_plausible = is_plausible and (not bound or _is_confirmed(fitted, bench, cause))
     train_gain = math.log(error / fitted.squared_error)
     return Contender(cause, fitted, held_out_score(before, after), train_gain, tuple(after), n_free, is_plausible)
+
+
+def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
+    """Return whether some record shows what the effect must show there."""
+    without = fitted.chain.without(cause)
+    for index, record in enumerate(bench.train):
+        effect = next((e for e in fitted.chain.record_effects[index] if e.name == cause), None)
+        if effect is None:
+            continue
+        left = record.measured_um - predict(without, record, index)
+        if effect.is_confirmed(record.time_s, left):
+            return True
+    return False
 
 
 def _clear_error(start: Chain, bench: Bench, space: Tangent) -> float:
@@ -151,12 +165,9 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, spa
         return _asymmetric_starts(chain, trials)
     if bound:
         joined = chain
-        seen: set[int] = set()
-        for trial in trials:
-            assert trial.index is not None
-            if trial.index not in seen:
-                joined = joined.with_effect(sized(trial), trial.index)
-                seen.add(trial.index)
+        for index in sorted({trial.index for trial in trials if trial.index is not None}):
+            own = [joined.with_effect(sized(t), index) for t in trials if t.index == index][:_MAX_STARTS]
+            joined = min(own, key=lambda option: _clear_error(option, bench, space))
         return [joined]
     if type(trials[0].effect).is_scanned:
         return [chain.with_effect(trial.effect) for trial in trials[:2]]

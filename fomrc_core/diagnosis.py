@@ -38,7 +38,7 @@ from fomrc_core.search import SearchResult, Step, search
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-N_THRESHOLDS = 64
+N_THRESHOLDS = 112
 EXPLAINED_RATIO = 1.5
 _LARGEST_RATIO_OF_RANGES = 1e4
 

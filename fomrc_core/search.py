@@ -30,6 +30,8 @@ _TIE = 10.0
 _TIE_P_VALUE = 0.05
 _SURE = 3.0
 _PRUNED = 0.03
+_LEAST_LEARNT = 0.03
+_LEAST_LOCAL_LEARNT = 0.003
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,10 @@ from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import elapsed_times
 
 _NEVER_S = 1e9
+_RISE_S = 0.03
+_BESIDE_S = 0.25
+_SURE = 5.0
+_SHORTEST_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,18 @@ class ExternalLoad(Effect):
         elapsed_times(state, steps_s, t)
         return values + self.displacement_um * ((t >= self.onset_s) & (t < self.release_s))
 
+    def is_confirmed(self, time_s: Array, residual_um: Array) -> bool:
+        """Return whether the residual jumps where the load comes and goes, and by its size.
+
+        A model that is wrong for some stretch of the drive leaves a residual that grows and fades; a load jumps.
+        """
+        if self.release_s - self.onset_s < _SHORTEST_S:
+            return False
+        edges = [(self.onset_s, self.displacement_um)]
+        if self.release_s < time_s[-1]:
+            edges.append((self.release_s, -self.displacement_um))
+        return all(_jumps(time_s, residual_um, edge, size) for edge, size in edges)
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return the best single step and the best pulse of each record's residual, by cumulated sums."""
@@ -65,6 +81,18 @@ class ExternalLoad(Effect):
             if 0 < start < stop < n:
                 trials.append(cls(size, float(record.time_s[start]), float(record.time_s[stop])))
         return trials
+
+
+def _jumps(time_s: Array, residual_um: Array, edge_s: float, size_um: float) -> bool:
+    before = (time_s >= edge_s - _BESIDE_S) & (time_s < edge_s - _RISE_S)
+    after = (time_s > edge_s + _RISE_S) & (time_s <= edge_s + _BESIDE_S)
+    if np.count_nonzero(before) < 10 or np.count_nonzero(after) < 10:
+        return False
+    b, a = residual_um[before], residual_um[after]
+    jump = float(np.mean(a) - np.mean(b))
+    # neighbouring samples are not independent: a quarter of them counted
+    error = 2.0 * float(np.sqrt(np.var(a) / a.size + np.var(b) / b.size))
+    return abs(jump) > _SURE * error and 0.6 < jump / size_um < 1.6
 
 
 def _best_pulse(total: Array) -> tuple[int, int, float]:

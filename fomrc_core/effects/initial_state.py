@@ -25,8 +25,8 @@ class InitialState(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extreme_v", "V", -1e4, 1e4, description="voltage of the excursion before the record"),
         Parameter("resting_v", "V", -1e4, 1e4, description="voltage just before the record"),
-        Parameter("held_s", "s", 1e-6, 1e7, is_log=True, description="how long the excursion was held"),
-        Parameter("resting_s", "s", 1e-6, 1e7, is_log=True, description="how long it then rested"),
+        Parameter("held_s", "s", 1e-3, 1e5, is_log=True, description="how long the excursion was held"),
+        Parameter("resting_s", "s", 1e-3, 1e5, is_log=True, description="how long it then rested"),
     )
     main_parameter: ClassVar[str] = "extreme_v"
     meaning: ClassVar[str] = "The actuator had been moved before the record and was not relaxed."
@@ -76,5 +76,5 @@ class InitialState(Effect):
         first = float(evidence.records[0].voltage_v[0])
         for extreme in (evidence.largest_v, evidence.smallest_v, first + 0.3 * span, first - 0.3 * span):
             if abs(extreme - first) > 0.02 * span:
-                trials += [cls(extreme, first, 2.0, rest) for rest in (0.5, 5.0)]
+                trials += [cls(extreme, first, 2.0, rest) for rest in (0.15, 1.0, 6.0)]
         return trials
