@@ -55,4 +55,4 @@ def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[
 def _refit_own(chain: Chain, record: PreparedRecord, free: tuple[FreeParameter, ...]) -> Chain:
     n = record.time_s.size
     nothing = Tangent((np.zeros((n, chain.weights.size + 1)),), np.zeros((chain.weights.size + 1, 1)))
-    return refit(chain, (record,), nothing, n_iterations=8, free=free).chain
+    return refit(chain, (record,), nothing, n_iterations=8, free=free, is_linear_free=False).chain

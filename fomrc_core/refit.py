@@ -150,7 +150,7 @@ def _directions(chain: Chain, free: tuple[FreeParameter, ...], coordinates: Arra
 
 
 def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | None = None, n_iterations: int = 12,
-          free: tuple[FreeParameter, ...] | None = None) -> Refit:  # fmt: skip
+          free: tuple[FreeParameter, ...] | None = None, is_linear_free: bool = True) -> Refit:  # fmt: skip
     """Return the chain with effects and linear part fitted together.
 
     Args:
@@ -159,12 +159,13 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
         space: tangent of the linear part; computed at the start where not given.
         n_iterations: iterations at most.
         free: parameters to move; all that are not held by default.
+        is_linear_free: whether the directions of the linear part may be taken anew.
     """
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
     coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
     chain, left, error = _linear_part_first(chain, records, space)
-    damping, is_converged = 1e-3, False
+    damping, is_converged, is_space_old = 1e-3, False, bool(free) and is_linear_free
     projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
     for _ in range(n_iterations):
         # the offset is taken out of every direction, so the residual stands for the prediction
@@ -191,9 +192,14 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
             damping = max(damping, 1e-4) * 8.0
             if not free:
                 break
+        if not is_better and is_space_old:
+            # a large effect turns the directions of the linear part: take them anew before giving up
+            space, is_space_old, damping = tangent(chain, records), False, 1e-3
+            continue
         if not is_better:
             is_converged = True
             break
+        is_space_old = is_linear_free
         gain = (error - trial_error) / error
         chain, left, error = trial, trial_left, trial_error
         coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
