@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm, wilcoxon
 from scipy.stats import t as student
-from scipy.stats import wilcoxon
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,10 @@ WORTHWHILE_LOCAL_LOG_GAIN = 0.5
 _ACTIVE_ENERGY = 0.95
 _LOCAL_SHARE = 0.4
 _BLOCK = 250
-_FINE_BLOCK = 20
+# An effect that acts at a few moments has few blocks to speak for it: they are made smaller until there are enough.
+_BLOCKS = (_BLOCK, 20, 4, 1)
+_NOISE_CORRELATION = 4.0
+_ENOUGH_BLOCKS = 14  # ranks of fewer cannot be surer than 1e-4
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def _clark_west(before: list[Array], after: list[Array]) -> float:
     # The larger of two nested models carries the noise of its extra parameters; Clark and West (2007) add it back.
     gain = [b * b - a * a + (b - a) ** 2 for b, a in zip(before, after, strict=True)]
     activity = [(b - a) ** 2 for b, a in zip(before, after, strict=True)]
-    for size in (_BLOCK, _FINE_BLOCK):
+    for size in _BLOCKS:
         means, energies = [], []
         for g, e in zip(gain, activity, strict=True):
             n_blocks = max(g.size // size, 1)
@@ -84,10 +87,10 @@ def _clark_west(before: list[Array], after: list[Array]) -> float:
         m, w = np.array(means), np.array(energies)
         # blocks in which the two models hardly differ cannot speak for either
         active = m[w > 1e-3 * max(float(np.max(w)), 1e-300)]
-        if active.size >= 8:
+        if active.size >= _ENOUGH_BLOCKS:
             break
-    if active.size < 3:
-        return 1.0
+    if active.size < _ENOUGH_BLOCKS:
+        return _by_noise(before, after)
     spread = float(np.std(active, ddof=1))
     if spread == 0.0:
         return 0.0 if float(np.mean(active)) > 0.0 else 1.0
@@ -95,6 +98,18 @@ def _clark_west(before: list[Array], after: list[Array]) -> float:
     # Gains of an effect that acts at a few moments are far from normal; their ranks are not. Two tests: twice the p.
     by_rank = float(wilcoxon(active, alternative="greater").pvalue) if active.size >= 8 else 1.0
     return min(1.0, 2.0 * min(by_mean, by_rank))
+
+
+def _by_noise(before: list[Array], after: list[Array]) -> float:
+    # Too few moments for their own spread: were the smaller model true, its residual b were noise, and the drop of the
+    # sum of squares normal about -sum d^2 with variance 4 sigma^2 sum d^2 (d the difference of the two models).
+    b, a = np.concatenate(before), np.concatenate(after)
+    power = float(np.sum((b - a) ** 2))
+    if power == 0.0:
+        return 1.0
+    drop = float(np.sum(b * b - a * a))
+    spread = 2.0 * math.sqrt(_NOISE_CORRELATION * float(np.mean(a * a)) * power)
+    return float(norm.sf((drop + power) / spread))
 
 
 def loses_to(best: list[Array], other: list[Array]) -> float:

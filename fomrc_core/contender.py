@@ -43,6 +43,7 @@ class Contender:
         held: residuals on the held-out data [um].
         n_free: number of parameters it adds.
         is_plausible: whether the records can show it with the parameters found.
+        is_bound: whether its parameters belong to single records.
     """
 
     cause: str
@@ -52,12 +53,15 @@ class Contender:
     held: tuple[Array, ...]
     n_free: int
     is_plausible: bool = True
+    is_bound: bool = False
 
     @property
     def total_gain(self) -> float:
         """Held-out gain first, for a rich cause fits anything in training; training gain beside it, for with two
         effects hidden neither alone need help held-out data."""
-        return max(self.score.log_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
+        # Blocks of the same record are an easier test than another record: there training is asked as well.
+        held = min(self.score.log_gain, self.train_log_gain) if self.is_bound else self.score.log_gain
+        return max(held, -0.5) + _TRAINING_COUNTS * self.train_log_gain
 
 
 def contenders_for(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array, ...], screened: tuple[Screened, ...],
@@ -139,7 +143,8 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     is_plausible = all(e.is_plausible(longest) for e in (*fitted.chain.effects, *own))
     is_plausible = is_plausible and (not bound or _is_confirmed(fitted, bench, cause))
     train_gain = math.log(error / fitted.squared_error)
-    return Contender(cause, fitted, held_out_score(before, after), train_gain, tuple(after), n_free, is_plausible)
+    score = held_out_score(before, after)
+    return Contender(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound)
 
 
 def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
@@ -173,7 +178,8 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, spa
         return [chain.with_effect(trial.effect) for trial in trials[:2]]
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
     options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
-    return sorted(options, key=lambda option: _clear_error(option, bench, space))[:2]
+    best = sorted(options[1:], key=lambda option: _clear_error(option, bench, space))[:2]
+    return [options[0], *best]
 
 
 def _asymmetric_starts(chain: Chain, trials: list[Screened]) -> list[Chain]:

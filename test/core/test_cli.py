@@ -93,9 +93,7 @@ def test_compensate_names_what_it_does_not_invert(here: Path, capsys: pytest.Cap
     assert "mains_hum" in capsys.readouterr().err
 
 
-def test_identify_writes_a_model_that_simulates_the_record(
-    measured: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_identify_writes_a_model_that_simulates_the_record(measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--elements", "6", "--test", "stage.csv", "--output", "model.yaml", "--json", "fit.json"]
     assert run(["identify", "stage.csv", *options]) == 0
     told = capsys.readouterr()
@@ -111,6 +109,26 @@ def test_identify_writes_a_model_that_simulates_the_record(
     assert run(["simulate", "-m", "model.yaml", "-i", "stage.csv", "-o", "out.csv"]) == 0
     residual_um = _table(measured.parent / "out.csv")[1][4]
     assert 100.0 * np.std(residual_um) / np.ptp(read_recording(measured).measured_um) < 0.5
+
+
+def test_diagnose_writes_findings_report_and_a_model_that_runs_at_once(
+    measured: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["diagnose", "stage.csv", "--model", str(_TABLE_1), "--output", "result"]) == 0
+    told = capsys.readouterr()
+    assert told.out.startswith("status: ")
+    assert "diagnose:" in told.err
+    folder = measured.parent / "result"
+    diagnosis = json.loads((folder / "diagnosis.json").read_text())
+    assert {"status", "noise_floor_um", "baseline", "findings", "ambiguous_with", "unexplained_percent"} <= set(
+        diagnosis
+    )
+    assert {"smallest_detectable", "next_experiment"} <= set(diagnosis)
+    assert diagnosis["status"] == "nothing_found"
+    assert "<html" in (folder / "report.html").read_text()[:500].lower()
+    options = ["--model", "result/extended_model.yaml", "--input", "stage.csv", "--output", "out.csv"]
+    assert run(["simulate", *options]) == 0
+    assert np.std(_table(measured.parent / "out.csv")[1][4]) < 1.2e-3
 
 
 def test_plain_columns_are_read_as_told(measured: Path) -> None:
@@ -246,15 +264,11 @@ def test_help_imports_no_numerics() -> None:
     )
     environment = os.environ | {"PYTHONPATH": str(_ROOT)}
     environment.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_the_demo_says_what_it_needs(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_demo_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert run(["demo"]) == 2
     assert capsys.readouterr().err.startswith("fomrc: demo needs fomrc_ros and rclpy")
@@ -263,9 +277,7 @@ def test_the_demo_says_what_it_needs(
 def test_the_demo_runs_in_place_with_a_domain_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[tuple[list[str], dict[str, str]]] = []
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
-    monkeypatch.setattr(
-        os, "execve", lambda _path, arguments, environment: started.append((arguments, environment))
-    )
+    monkeypatch.setattr(os, "execve", lambda _path, arguments, environment: started.append((arguments, environment)))
     monkeypatch.setenv("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "1")
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     assert run(["demo", "--output", "folder"]) == 0
@@ -288,9 +300,7 @@ def test_data_without_data_is_one_line(
     assert told.count("\n") == 1
 
 
-def test_an_interrupt_is_no_error(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupt_is_no_error(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def interrupted(_: str) -> None:
         raise KeyboardInterrupt
 

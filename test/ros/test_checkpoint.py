@@ -24,6 +24,7 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     probe.drive(Both(publishers), lambda t: 1e-6 * math.sin(3.0 * t), 1.0 + generator.random())
     held = 0.5e-6 * generator.random()
     probe.drive(Both(publishers), lambda t: held, 0.1 + 0.4 * generator.random())
+    probe.until(lambda: all(rests(entries) for entries in heard.values()), "both at the held target")
     # The two got their targets at slightly different times: what they differed by before is not the restart's.
     before = apart(heard["/killed"][-1], heard["/steady"])
     killed.process.kill()
@@ -37,6 +38,12 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     assert max(map(abs, errors)) < 1e-3
     assert "refused" not in restarted.output()
     assert len(list(tmp_path.glob(".memory.*.tmp"))) <= 1, "at most the one being written"
+
+
+def rests(entries) -> bool:
+    """Return whether a voltage has come to rest but for its creep."""
+    last = [entry[1].data for entry in entries[-50:]]
+    return len(last) == 50 and max(last) - min(last) < 3e-4
 
 
 def apart(entry, steady) -> float:
