@@ -169,7 +169,7 @@ def draw_drive(
         _sine(drive, rng.uniform(0.5, 2.0), 30.0, 1.0 if part == "train" else 0.9)
     elif excitation == "slow_sines":
         # Fast enough to show a lag, too slow to show of what kind it is.
-        for frequency_hz in (0.5, 4.0, 8.0):
+        for frequency_hz in (0.5, 1.5, 4.0):
             _sine(drive, frequency_hz * rng.uniform(0.9, 1.1), 10.0, 1.0 if part == "train" else 0.9)
     elif excitation == "level_hold":
         slow_triangle(drive, rng, 4.0, 2)
