@@ -78,7 +78,8 @@ def main() -> int:
         nodes = {
             "compensator": NodeProcess("fomrc_ros.compensator_node", "/", [MODEL], common, environment, logs / "c"),
             "simulated_pea": NodeProcess(
-                "fomrc_ros.simulated_pea_node", "/", [MODEL], {**common, "plant": options.plant}, environment, logs / "s"
+                "fomrc_ros.simulated_pea_node", "/", [MODEL], {**common, "plant": options.plant}, environment,
+                logs / "s",
             ),
         }
         deadline = time.monotonic() + 60.0

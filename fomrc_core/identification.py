@@ -233,7 +233,8 @@ def fit_of(model: PiezoModel, recordings: Sequence[Recording], test: Recording |
         reason = (f"error {1e3 * error:.3g} nm rms is {ratio:.3g} times the noise: diagnose the record, something is "
                   "not in the model")  # fmt: skip
     return Fit(
-        model, outcome, reason, error, 100.0 * error / span, noise, test_error, tuple(offsets), tuple(left), order_error,
+        model, outcome, reason, error, 100.0 * error / span, noise, test_error, tuple(offsets), tuple(left),
+        order_error,
         np.full(2 * model.n_elements + 1, np.nan) if errors is None else errors, undetermined,
         tuple("rested at its first voltage" if s else "relaxed" for s in starts),
     )  # fmt: skip

@@ -308,7 +308,9 @@ def parts_of_steps(change_v: Array, scale_v: float, effects: tuple[Effect, ...],
     return parts
 
 
-def subdivide(steps: Array, drive: Array, last: float, parts: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.int64]]:
+def subdivide(
+    steps: Array, drive: Array, last: float, parts: NDArray[np.int64]
+) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return steps and a linear drive on equal parts of each step, and where each sample then stands."""
     before = np.concatenate(([last], drive[:-1]))
     ends = np.cumsum(parts) - 1

@@ -105,7 +105,7 @@ def evidence_of(
                 residual,
                 r.recording.temperature_c is not None,
                 r.cross is not None,
-            )  # fmt: skip
+            )
             for i, (r, residual) in enumerate(zip(records, left, strict=True))
         ),
         noise_um,

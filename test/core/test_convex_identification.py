@@ -98,7 +98,8 @@ def test_progress_rises(drive_v: np.ndarray) -> None:
     assert len(shares) >= 3
 
 
-@pytest.mark.parametrize(("changed", "named"), [({"n_elements": 0}, "n_elements"), ({"n_elements": "many"}, "n_elements"),
+@pytest.mark.parametrize(("changed", "named"), [({"n_elements": 0}, "n_elements"),
+                                                ({"n_elements": "many"}, "n_elements"),
                                                 ({"method": "guess"}, "method")])  # fmt: skip
 def test_bad_options_are_named(changed: dict[str, object], named: str, drive_v: np.ndarray) -> None:
     with pytest.raises(ParameterError, match=named):
