@@ -16,6 +16,7 @@ from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.elements import signed_weights
 from fomrc_core.errors import RecordingError
+from fomrc_core.substeps import parts_of_steps, subdivide
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,7 @@ FIRST_ORDER_GUESS = 0.02
 _ORDER_STEP = 1e-4
 _RANK_TOLERANCE = 1e-13
 _MIN_ORDER, _MAX_ORDER = 0.0, 0.6
+_N_PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +86,12 @@ def squared_error(records: tuple[PreparedRecord, ...], signals: tuple[Array, ...
 
 
 def record_columns(chain: Chain, record: PreparedRecord, index: int, about: Chain | None = None) -> Array:
-    """Return displacement per unit weight [V], shape (n_samples, n_columns), at one step per sample.
+    """Return displacement per unit weight [V], shape (n_samples, n_columns).
 
-    One step per sample suffices: a fit measures its residual exactly and uses these columns as directions only.
-    A sensor that is not linear turns them by its slope where the displacement of ``about`` (the chain itself unless
-    given) stands.
+    A fit measures its residual exactly and uses these columns as directions only, so that one step per sample
+    suffices, but not where a mass rings or an amplifier lags: there the bend within a large step has a phase, and
+    wrong directions would leave a fit short of its least error. A sensor that is not linear turns them by its slope
+    where the displacement of ``about`` (the chain itself unless given) stands.
     """
     effects = chain.effects_in(index)
     steps, drive = record.steps_s, record.voltage_v
@@ -101,6 +104,12 @@ def record_columns(chain: Chain, record: PreparedRecord, index: int, about: Chai
             before_steps, before = effect.prehistory()
             n_before = before.size
             steps, drive = np.concatenate((before_steps, steps)), np.concatenate((before, drive))
+    ends = None
+    if any(effect.needs_substeps for effect in effects):
+        change = np.diff(drive, prepend=drive[0])
+        parts, _ = parts_of_steps(change, float(np.max(chain.columns.thresholds_v)), effects, is_coarse=True)
+        if np.any(parts > 1):
+            steps, drive, ends = subdivide(steps, drive, float(drive[0]), np.minimum(parts, _N_PARTS))
     for effect in effects:
         if effect.stage is Stage.DRIVE:
             drive = effect.run(effect.initial_state(), drive, steps)
@@ -108,13 +117,17 @@ def record_columns(chain: Chain, record: PreparedRecord, index: int, about: Chai
         if isinstance(effect, AsymmetricHysteresis):
             drive = effect.warp(drive)
     mechanical = [effect for effect in effects if effect.stage is Stage.MECHANICAL]
-    columns = creep_columns(chain.columns, fit_modes(chain.creep_order), drive, steps, 0 if mechanical else n_before)
+    n_skipped = 0 if mechanical or ends is not None else n_before
+    columns = creep_columns(chain.columns, fit_modes(chain.creep_order), drive, steps, n_skipped)
     if mechanical:
         for j in range(columns.shape[1]):
             column = np.ascontiguousarray(columns[:, j])
             for effect in mechanical:
                 column = effect.run(effect.initial_state(), column, steps)
             columns[:, j] = column
+    if ends is not None:
+        columns = columns[ends[n_before:]]
+    elif mechanical:
         columns = columns[n_before:]
     for effect in effects:
         if isinstance(effect, GainDrift):

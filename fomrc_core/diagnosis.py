@@ -38,7 +38,8 @@ from fomrc_core.search import SearchResult, Step, search
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-N_THRESHOLDS = 112
+N_THRESHOLDS = 112  # of the first fit
+N_GRID = 224  # from which plays are then chosen: a ceramic's own are not on the grid
 EXPLAINED_RATIO = 1.5
 _LARGEST_RATIO_OF_RANGES = 1e4
 
@@ -180,7 +181,7 @@ def _base(bench: Bench, n_thresholds: int) -> Chain:
     columns = ColumnKinds.plays(threshold_grid(bench.train, n_thresholds))
     chain, _, _ = fit_base(bench.train, columns, choose_starts(bench.train))
     extra = tuple(() for _ in range(bench.n_records - len(bench.train)))
-    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=columns.thresholds_v)
+    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(bench.train, N_GRID))
     return refit(rebased(chain, bench.train), bench.train, n_iterations=3).chain
 
 

@@ -2,7 +2,7 @@
 
 Without effects it is the FOMRC of equations (20)-(26): voltage through the play form of the Maxwell elements,
 then the fractional integrator, sample by sample, so that the direct inverse undoes it to rounding. With effects the
-drive is taken as linear between samples and the chain runs on parts of the larger steps (``parts_of_steps``).
+drive is taken as linear between samples and the chain runs on parts of the larger steps (substeps.py).
 """
 
 from __future__ import annotations
@@ -32,13 +32,9 @@ from fomrc_core.hysteresis import (
     stop_form,
 )
 from fomrc_core.plain_chain import PlainChain
+from fomrc_core.substeps import parts_of_steps, subdivide
 
 Array = NDArray[np.float64]
-
-N_SUBSTEPS = 5
-N_PARTS_LARGE = 8
-LARGE_CHANGE = 0.02  # of the largest threshold
-SMALL_CHANGE = 1e-3
 
 
 @dataclass
@@ -49,11 +45,13 @@ class ModelState:
         packed: hysteresis and creep blocks in one array.
         effects: state of each effect by its name.
         last_input: input of the last step [V], or [um] for a compensator.
+        bend: what jumps of the drive leave bending in the next step [V] (substeps.py).
     """
 
     packed: Array
     effects: dict[str, Array] = field(default_factory=dict)
     last_input: float = 0.0
+    bend: float = 0.0
     _chain: PlainChain | None = field(default=None, init=False, repr=False, compare=False)
 
     def plain_chain(self, at_creep: int) -> PlainChain:
@@ -68,12 +66,13 @@ class ModelState:
 
     def copy(self) -> ModelState:
         """Return an independent copy."""
-        return ModelState(self.packed.copy(), {k: v.copy() for k, v in self.effects.items()}, self.last_input)
+        effects = {name: values.copy() for name, values in self.effects.items()}
+        return ModelState(self.packed.copy(), effects, self.last_input, self.bend)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the state as plain numbers and lists."""
         effects = {name: values.tolist() for name, values in self.effects.items()}
-        return {"packed": self.packed.tolist(), "effects": effects, "last_input": self.last_input}
+        return {"packed": self.packed.tolist(), "effects": effects, "last_input": self.last_input, "bend": self.bend}
 
     @classmethod
     def from_mapping(cls, mapping: Any, where: str = "state") -> ModelState:
@@ -81,10 +80,10 @@ class ModelState:
         try:
             packed = np.array(mapping["packed"], dtype=np.float64)
             effects = {str(k): np.array(v, dtype=np.float64) for k, v in mapping["effects"].items()}
-            state = cls(packed, effects, float(mapping["last_input"]))
+            state = cls(packed, effects, float(mapping["last_input"]), float(mapping["bend"]))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ParameterError(f"not a saved state ({error})", where=where, allowed="to_mapping()") from None
-        if packed.ndim != 1 or not np.all(np.isfinite(packed)) or not np.isfinite(state.last_input):
+        if packed.ndim != 1 or not np.all(np.isfinite((*packed, state.last_input, state.bend))):
             raise ParameterError("saved state holds values that are not finite", where=where, allowed="finite")
         return state
 
@@ -286,40 +285,6 @@ def _checked_inputs(steps_s: Array, values: Array, name: str) -> tuple[Array, Ar
     return steps, inputs
 
 
-def parts_of_steps(change_v: Array, scale_v: float, effects: tuple[Effect, ...], is_coarse: bool) -> NDArray[np.int64]:
-    """Return into how many equal parts each step is divided, shape (n_samples,).
-
-    Within a step the drive is linear but hysteresis bends it, and creep and the effects see the bend; it grows with
-    the change of the drive. A step in which the drive rests is exact as a whole, unless a delay must be read
-    between the samples of a ringing mass.
-
-    Args:
-        change_v: change of the drive over each step [V], shape (n_samples,).
-        scale_v: largest threshold of the plays [V].
-        effects: effects of the chain.
-        is_coarse: divide the largest steps only.
-    """
-    size = np.abs(change_v)
-    parts = np.where(size > LARGE_CHANGE * scale_v, N_PARTS_LARGE, 1)
-    if not is_coarse and any(effect.needs_substeps for effect in effects):
-        parts = np.maximum(parts, np.where(size > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1))
-        if {"mechanical_resonance", "transport_delay"} <= {effect.name for effect in effects}:
-            parts = np.maximum(parts, N_SUBSTEPS)
-    return parts
-
-
-def subdivide(
-    steps: Array, drive: Array, last: float, parts: NDArray[np.int64]
-) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return steps and a linear drive on equal parts of each step, and where each sample then stands."""
-    before = np.concatenate(([last], drive[:-1]))
-    ends = np.cumsum(parts) - 1
-    within = np.arange(1, ends[-1] + 2) - np.repeat(ends + 1 - parts, parts)
-    fine = np.repeat(before, parts) + np.repeat((drive - before) / parts, parts) * within
-    fine[ends] = drive
-    return np.repeat(steps / parts, parts), fine, ends
-
-
 def settle_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], steps: Array, drive: Array) -> None:
     """Move the state through what went before a record; clocks of time-dependent effects do not run."""
     lasting = tuple(e for e in effects if e.stage not in (Stage.SENSED, Stage.SAMPLED_DRIVE) and e.name != "clock_skew")
@@ -349,7 +314,7 @@ def run_chain(state: ModelState, at_creep: int, effects: tuple[Effect, ...], ste
     n_plays = int(state.packed[N_PLAYS])
     scale_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
     before = np.concatenate(([last], drive[:-1]))
-    parts = parts_of_steps(drive - before, scale_v, effects, is_coarse)
+    parts, state.bend = parts_of_steps(drive - before, scale_v, effects, is_coarse, state.bend)
     is_divided = bool(np.any(parts > 1))
     fine_steps, fine_drive, ends = subdivide(steps, drive, last, parts) if is_divided else (steps, drive, None)
     for effect in stages[Stage.DRIVE]:

@@ -11,8 +11,11 @@ from fomrc_core.bench import Bench, learned_blocks
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.contender import sized
 from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.refit import FreeParameter, free_parameters, refit
+from fomrc_core.refit import free_parameters, refit
 from fomrc_core.screening import screen
+
+_MAX_TRIALS = 12
+_MAX_STARTS = 3
 
 
 def follow_held(chain: Chain, bench: Bench) -> Chain:
@@ -42,17 +45,22 @@ def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[
         trials = [s for s in screen(alone, (record,), frozen, left, 0.0, (name,)) if s.explained > 0.0]
         if not trials:
             continue
-        trial = alone.with_effect(sized(trials[0]), 0)
-        free = tuple(p for p in free_parameters(trial) if p.index == 0)
-        fitted = _refit_own(trial, record, free)
-        if squared_error((record,), residuals(fitted, (record,))) < squared_error((record,), left):
-            alone = fitted
+        # a signature is the effect's slope; how well an instance of full size does only its simulation tells
+        options = [alone.with_effect(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
+        options.sort(key=lambda option: _error(option, record))
+        fits = [_refit_own(option, record) for option in options[:_MAX_STARTS]]
+        alone = min((alone, *fits), key=lambda option: _error(option, record))
     own = list(chain.record_effects)
     own[index] = alone.record_effects[0]
     return replace(chain, record_effects=tuple(own))
 
 
-def _refit_own(chain: Chain, record: PreparedRecord, free: tuple[FreeParameter, ...]) -> Chain:
+def _error(chain: Chain, record: PreparedRecord) -> float:
+    return squared_error((record,), residuals(chain, (record,)))
+
+
+def _refit_own(chain: Chain, record: PreparedRecord) -> Chain:
+    free = tuple(p for p in free_parameters(chain) if p.index == 0)
     n = record.time_s.size
     nothing = Tangent((np.zeros((n, chain.weights.size + 1)),), np.zeros((chain.weights.size + 1, 1)))
     return refit(chain, (record,), nothing, n_iterations=8, free=free, is_linear_free=False).chain

@@ -97,7 +97,8 @@ def simulate_from(
 def _histories(recording: Recording) -> Iterator[tuple[InitialState | None, str]]:
     first_v = float(recording.voltage_v[0])
     yield None, "relaxed"
-    yield InitialState(first_v, first_v, _MOMENT_S, _LONG_S), f"rested at {first_v:g} V"
+    if first_v != 0.0:
+        yield InitialState(first_v, first_v, _MOMENT_S, _LONG_S), f"rested at {first_v:g} V"
     for extreme_v in (float(np.max(recording.voltage_v)), float(np.min(recording.voltage_v))):
         if extreme_v == first_v:
             continue

@@ -30,8 +30,7 @@ _TIE = 10.0
 _TIE_P_VALUE = 0.05
 _SURE = 3.0
 _PRUNED = 0.03
-_LEAST_LEARNT = 0.03
-_LEAST_LOCAL_LEARNT = 0.003
+_LEAST_LEARNT = 0.003
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +125,7 @@ def settle(chain: Chain, bench: Bench) -> Refit:
 def _is_accepted(contender: Contender, n_causes: int) -> bool:
     return (
         contender.is_plausible
+        and contender.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
         and contender.score.p_value < _SIGNIFICANCE / n_causes
         and contender.score.is_worthwhile()
     )
@@ -171,16 +171,18 @@ def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[
 
 
 def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tuple[list[Step], Chain, Refit]:
-    """Return what is left after every earlier cause has been tested again."""
-    for step in list(steps[:-1]):
+    """Return what is left after every cause has been tested again; the last must have taught something as well."""
+    for step in list(steps):
         name = step.accepted.cause
+        is_last = step is steps[-1]
         if not _has(chain, name):
             continue
         lesser = refit(chain.without(name), bench.train, n_iterations=6)
         train_gain = math.log(lesser.squared_error / final.squared_error)
-        held_gain = held_out_score(held_residuals(lesser.chain, bench.held), held_residuals(chain, bench.held)).log_gain
+        score = held_out_score(held_residuals(lesser.chain, bench.held), held_residuals(chain, bench.held))
+        is_kept = score.log_gain >= _PRUNED or (is_last and score.is_worthwhile())
         is_own = any(e.name == name for own in chain.record_effects for e in own)
-        if held_gain < _PRUNED and (train_gain < _PRUNED or not is_own):
+        if not is_kept and (train_gain < _PRUNED or not (is_own or is_last)):
             steps = [s for s in steps if s is not step]
             final = settle(lesser.chain, bench)
             chain = follow_held(final.chain, bench)

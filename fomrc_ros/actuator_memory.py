@@ -88,7 +88,7 @@ def carried(old: Compensator, new: Compensator, memory: ActuatorMemory) -> Actua
     for name, values in memory.state.effects.items():
         if name in state.effects and state.effects[name].shape == values.shape:
             state.effects[name][:] = values
-    state.last_input = memory.state.last_input
+    state.last_input, state.bend = memory.state.last_input, memory.state.bend
     return ActuatorMemory(state, memory.turning_points.copy())
 
 

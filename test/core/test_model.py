@@ -279,8 +279,10 @@ def test_bad_model_block_is_named(mapping, named):
 
 @pytest.mark.parametrize(
     "mapping",
-    [None, {}, {"packed": "a"}, {"packed": [1.0], "effects": [], "last_input": 0.0},
-     {"packed": [float("nan")], "effects": {}, "last_input": 0.0}, {"packed": [1.0], "effects": {}, "last_input": "b"}],
+    [None, {}, {"packed": "a"}, {"packed": [1.0], "effects": [], "last_input": 0.0, "bend": 0.0},
+     {"packed": [float("nan")], "effects": {}, "last_input": 0.0, "bend": 0.0},
+     {"packed": [1.0], "effects": {}, "last_input": "b", "bend": 0.0},
+     {"packed": [1.0], "effects": {}, "last_input": 0.0}],
 )  # fmt: skip
 def test_bad_state_is_named(mapping):
     with pytest.raises(InputError, match="state"):
