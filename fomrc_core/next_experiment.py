@@ -20,6 +20,9 @@ from fomrc_core.search import Contender, Step
 
 Array = NDArray[np.float64]
 
+_LONG_DRIVE_S = (60.0, 300.0)
+_N_LONG_CYCLES = 12
+
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
@@ -44,6 +47,10 @@ def candidate_drives(bench: Bench) -> list[tuple[Excitation, str]]:
     rate = 1.0 / bench.train[0].recording.sample_period_s
     levels = [middle + swing * s for s in (0.2, -0.2, 0.6, -0.6, 1.0, -1.0, 0.1, -0.1)]
     top = min(0.4 * rate, 300.0)
+    # What drifts shows in time: longer than what has been measured, by rests at both ends and by motion throughout.
+    long_s = float(np.clip(2.0 * max(r.time_s[-1] - r.time_s[0] for r in bench.train), *_LONG_DRIVE_S))
+    ends = [low, high] * 3
+    slow = 2.0 * swing * (_N_LONG_CYCLES + 1) / long_s  # amplitudes fall from cycle to cycle
     makers: list[tuple[Callable[[], Excitation], str]] = [
         (lambda: steps(levels, dwell_s=1.5, lead_in_s=0.5, rate_hz=rate),
          f"excite steps --levels {','.join(f'{v:.3g}' for v in levels)} --dwell 1.5"),
@@ -53,7 +60,11 @@ def candidate_drives(bench: Bench) -> list[tuple[Excitation, str]]:
         (lambda: triangle(swing, slope_v_per_s=60.0 * swing, n_cycles=5, offset_v=middle, rate_hz=rate),
          f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {60.0 * swing:.3g}"),
         (lambda: triangle(swing, slope_v_per_s=swing, n_cycles=4, offset_v=middle, rate_hz=rate),
-         f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {swing:.3g}"),
+         f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {swing:.3g} --cycles 4"),
+        (lambda: steps(ends, dwell_s=long_s / len(ends), lead_in_s=0.5, rate_hz=rate),
+         f"excite steps --levels {','.join(f'{v:.3g}' for v in ends)} --dwell {long_s / len(ends):.3g}"),
+        (lambda: triangle(swing, slope_v_per_s=slow, n_cycles=_N_LONG_CYCLES, offset_v=middle, rate_hz=rate),
+         f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {slow:.3g} --cycles {_N_LONG_CYCLES}"),
     ]  # fmt: skip
     return [(make(), command) for make, command in makers]
 
