@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.base_fit import Tangent, centred, moved, product, residuals, squared_error, tangent
+from fomrc_core.base_fit import Tangent, centred, moved, product, rebased, residuals, squared_error, tangent
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.effects import Effect, Parameter
 from fomrc_core.errors import ParameterError
@@ -208,6 +208,12 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
             is_converged = True
             break
     return Refit(chain, error, free, projected, left, is_converged)
+
+
+def settle(chain: Chain, records: tuple[PreparedRecord, ...]) -> Refit:
+    """Return the joint refit with plays and directions chosen anew, until it moves no more."""
+    fitted = refit(rebased(chain, records), records)
+    return refit(rebased(fitted.chain, records), records, n_iterations=8)
 
 
 def _linear_part_first(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.acceptance import WORTHWHILE_LOG_GAIN, held_out_score, loses_to
-from fomrc_core.base_fit import rebased, residuals, tangent
+from fomrc_core.base_fit import residuals, tangent
 from fomrc_core.bench import Bench, held_residuals
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.contender import Contender, contenders_for, held_view
@@ -19,14 +19,16 @@ from fomrc_core.effects import effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.noise import autocorrelation_inflation
 from fomrc_core.record_bound import follow_held
-from fomrc_core.refit import Refit, refit
+from fomrc_core.refit import Refit, refit, settle
 from fomrc_core.screening import Screened, screen
 
 Array = NDArray[np.float64]
 
 MAX_FINDINGS = 5
+_MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _SIGNIFICANCE = 0.01
 _TIE = 10.0
+_NEARLY = 0.35  # in the logarithm of the mean squared error
 _TIE_P_VALUE = 0.05
 _SURE = 3.0
 _PRUNED = 0.03
@@ -35,12 +37,21 @@ _LEAST_LEARNT = 0.003
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One acceptance: the chain before and after, the contender, and those it could not be told from."""
+    """One acceptance.
+
+    Attributes:
+        before: the chain before it.
+        accepted: the contender.
+        tied: causes it could not be told from.
+        tied_chains: the chains with those.
+        rivals: contenders that did nearly as well while other causes were still unexplained.
+    """
 
     before: Chain
     accepted: Contender
     tied: tuple[str, ...]
     tied_chains: tuple[Chain, ...]
+    rivals: tuple[Contender, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +95,14 @@ def search(
     final = refit(chain, bench.train, n_iterations=2)
     chain = final.chain
     screened: tuple[Screened, ...] = ()
-    for number in range(MAX_FINDINGS + 1):
-        share = 0.15 + 0.8 * number / (MAX_FINDINGS + 1)
-        tell(share, f"screening, {number} causes so far")
+    for number in range(_MAX_ROUNDS):
+        share = 0.15 + 0.8 * number / _MAX_ROUNDS
+        tell(share, f"screening, {len(steps)} causes so far")
         space = tangent(chain, bench.train)
         left = residuals(chain, bench.train)
         wanted = tuple(name for name in causes if name not in tried)
         screened = tuple(screen(chain, bench.train, space, left, bench.noise_um, wanted, held_view(chain, bench)))
-        if number == MAX_FINDINGS:
+        if len(steps) >= MAX_FINDINGS:
             break
         tell(share + 0.05, "refit of the likely causes")
         contenders = contenders_for(chain, bench, space, left, screened, executor)
@@ -108,18 +119,22 @@ def search(
             break
         tied = _tied(accepted, contenders, bench)
         tried.add(accepted.cause)
-        steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied)))
+        rivals = _rivals(accepted, contenders)
+        steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
-        final = settle(accepted.fitted.chain, bench)
+        final = settle(accepted.fitted.chain, bench.train)
         chain = follow_held(final.chain, bench)
         steps, chain, final = _pruned(steps, chain, final, bench)
+        better = _better_rival(steps, chain, final, bench)
+        if better is not None:
+            # with what was found since, another cause does better in its place: go on from there
+            at, rival = better
+            tell(share + 0.12, f"{rival.cause} in place of {steps[at].accepted.cause}, joint refit")
+            steps = [*steps[:at], Step(steps[at].before, rival, (), ())]
+            tried = {step.accepted.cause for step in steps}
+            final = settle(rival.fitted.chain, bench.train)
+            chain = follow_held(final.chain, bench)
     return SearchResult(chain, tuple(steps), final, screened, runner_up)
-
-
-def settle(chain: Chain, bench: Bench) -> Refit:
-    """Return the joint refit with fresh directions, until it moves no more."""
-    fitted = refit(rebased(chain, bench.train), bench.train)
-    return refit(rebased(fitted.chain, bench.train), bench.train, n_iterations=8)
 
 
 def _is_accepted(contender: Contender, n_causes: int) -> bool:
@@ -132,10 +147,7 @@ def _is_accepted(contender: Contender, n_causes: int) -> bool:
 
 
 def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[Contender]:
-    inflation = max(
-        autocorrelation_inflation(v[r.is_used]) for v, r in zip(winner.fitted.residual, bench.train, strict=True)
-    )
-    n_effective = bench.n_used / inflation
+    n_effective = _n_effective(winner.fitted, bench)
     tied = []
     for other in contenders:
         if other is winner:
@@ -149,6 +161,45 @@ def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[
         if loss < _TIE and (not same_shape or loses_to(list(winner.held), list(other.held)) > _TIE_P_VALUE):
             tied.append(other)
     return tied
+
+
+def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, ...]:
+    """Return the contenders that did nearly as well."""
+    return tuple(
+        other
+        for other in contenders
+        if other is not winner
+        and other.is_plausible
+        and not other.is_bound
+        and other.score.is_worthwhile()
+        and other.score.log_gain > winner.score.log_gain - _NEARLY
+        and other.train_log_gain > winner.train_log_gain - _NEARLY
+    )
+
+
+def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tuple[int, Contender] | None:
+    """Return the place of a finding, and the cause that does better in it beside all that was found since."""
+    for at, step in enumerate(steps[:-1]):
+        name = step.accepted.cause
+        for rival in step.rivals:
+            if name == AsymmetricHysteresis.name or rival.cause == AsymmetricHysteresis.name:
+                continue  # its plays are columns, not an effect that can be exchanged
+            if not _has(chain, name) or _has(chain, rival.cause):
+                continue
+            effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
+            other = settle(chain.without(name).with_effect(effect), bench.train)
+            if _sure_gain(final, other, bench) > _TIE:
+                return at, rival
+    return None
+
+
+def _sure_gain(final: Refit, other: Refit, bench: Bench) -> float:
+    """Return the gain of another fit in log likelihood, its samples counted as independent ones."""
+    return _n_effective(other, bench) * math.log(final.squared_error / other.squared_error)
+
+
+def _n_effective(fitted: Refit, bench: Bench) -> float:
+    return bench.n_used / residual_inflation(fitted, bench.train)
 
 
 def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[str, ...],
@@ -184,7 +235,7 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tupl
         is_own = any(e.name == name for own in chain.record_effects for e in own)
         if not is_kept and (train_gain < _PRUNED or not (is_own or is_last)):
             steps = [s for s in steps if s is not step]
-            final = settle(lesser.chain, bench)
+            final = settle(lesser.chain, bench.train)
             chain = follow_held(final.chain, bench)
     errors = final.standard_errors(bench.train, residual_inflation(final, bench.train))
     for step in list(steps):
@@ -197,7 +248,7 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tupl
         # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
         if ratios and max(ratios) < _SURE and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
             steps = [s for s in steps if s is not step]
-            final = settle(chain.without(name), bench)
+            final = settle(chain.without(name), bench.train)
             chain = follow_held(final.chain, bench)
     return steps, chain, final
 
