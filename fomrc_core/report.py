@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fomrc_core.plots import png, quoted_record, records_figure, simulation_figure, where_figure
 from fomrc_core.report_page import page
 from fomrc_core.residual import rms
@@ -50,7 +52,8 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> Non
     all_records = records_figure(diagnosis)
     if all_records is not None:
         figures["records"] = png(all_records)
-    write_model(diagnosis.extended_model, folder / MODEL_NAME)
+    left = np.concatenate([v.residual_after_um for v in diagnosis.records if v.role == "train"])
+    write_model(diagnosis.extended_model, folder / MODEL_NAME, rms(left))
     write_bytes(figures["where"], folder / FIGURE_NAME)
     write_text(page(diagnosis, figures), folder / PAGE_NAME)
     write_text(json.dumps(diagnosis_results(diagnosis), indent=2, allow_nan=False) + "\n", folder / JSON_NAME)

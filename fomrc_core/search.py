@@ -28,7 +28,7 @@ MAX_FINDINGS = 5
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _SIGNIFICANCE = 0.01
 _TIE = 10.0
-_NEARLY = 0.35  # in the logarithm of the mean squared error
+_NEARLY, _HARDLY = 0.35, 0.15  # in the logarithm of the mean squared error
 _TIE_P_VALUE = 0.05
 _SURE = 3.0
 _PRUNED = 0.03
@@ -117,9 +117,10 @@ def search(
         if accepted is None:
             runner_up = contenders[0] if contenders else None
             break
+        accepted = _likelier(accepted, contenders, bench, len(causes))
         tied = _tied(accepted, contenders, bench)
         tried.add(accepted.cause)
-        rivals = _rivals(accepted, contenders)
+        rivals = _rivals(accepted, contenders, _NEARLY)
         steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         final = settle(accepted.fitted.chain, bench.train)
@@ -146,6 +147,18 @@ def _is_accepted(contender: Contender, n_causes: int) -> bool:
     )
 
 
+def _likelier(winner: Contender, contenders: list[Contender], bench: Bench, n_causes: int) -> Contender:
+    """Return the contender that is surely likelier with no more parameters, where held-out data hardly tell the two.
+
+    How well the base itself carries over to held-out data differs a little from fit to fit.
+    """
+    for other in _rivals(winner, contenders, _HARDLY):
+        is_simpler = other.n_free <= winner.n_free and other.cause != AsymmetricHysteresis.name
+        if is_simpler and _is_accepted(other, n_causes) and _sure_gain(winner.fitted, other.fitted, bench) > _TIE:
+            return other
+    return winner
+
+
 def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[Contender]:
     n_effective = _n_effective(winner.fitted, bench)
     tied = []
@@ -163,7 +176,7 @@ def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[
     return tied
 
 
-def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, ...]:
+def _rivals(winner: Contender, contenders: list[Contender], margin: float) -> tuple[Contender, ...]:
     """Return the contenders that did nearly as well."""
     return tuple(
         other
@@ -172,8 +185,8 @@ def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, 
         and other.is_plausible
         and not other.is_bound
         and other.score.is_worthwhile()
-        and other.score.log_gain > winner.score.log_gain - _NEARLY
-        and other.train_log_gain > winner.train_log_gain - _NEARLY
+        and other.score.log_gain > winner.score.log_gain - margin
+        and other.train_log_gain > winner.train_log_gain - margin
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 
 from fomrc_core.creep import PREVIOUS, mode_states
 from fomrc_core.effects import Stage
-from fomrc_core.errors import FomrcError
 from fomrc_core.hysteresis import play_states
 from fomrc_core.inverse import Compensator
 from fomrc_core.model import ModelState
@@ -18,7 +16,6 @@ from fomrc_ros.turning_points import TurningPoints
 
 Array = NDArray[np.float64]
 
-_FIRST_CHUNK = 16
 _FURTHEST_UM = 1e5
 # While the compensator was down the target counts as held: this long at full rate, then in growing steps.
 _UNIFORM_AGING_S = 5.0
@@ -103,107 +100,6 @@ def aging_steps(down_time_s: float, period_s: float) -> list[float]:
         steps.append(step)
         left -= step
     return steps
-
-
-class TargetHistory:
-    """What the compensator followed, bounded in length: steps and displacements since an anchor.
-
-    Args:
-        compensator: the one that ran when the history began.
-        memory: its memory at that moment.
-        capacity: most samples kept; the oldest quarter is dropped where it is full.
-    """
-
-    def __init__(self, compensator: Compensator, memory: ActuatorMemory, capacity: int) -> None:
-        self._quarter = max(capacity // 4, 1)
-        self._steps_s = np.empty(4 * self._quarter)
-        self._desired_um = np.empty(4 * self._quarter)
-        self._cross = np.empty(4 * self._quarter)
-        # Memories at the beginning of each quarter that is in use: the first one is the anchor.
-        self._anchors: list[tuple[Compensator, ActuatorMemory]] = [(compensator, memory.copy())]
-        self.n_samples = 0
-        self.n_dropped = 0
-
-    def append(self, step_s: float, desired_um: float, cross: float = np.nan) -> None:
-        """Add a sample; ``cross`` is where the second axis was, not a number where there is none."""
-        self._steps_s[self.n_samples] = step_s
-        self._desired_um[self.n_samples] = desired_um
-        self._cross[self.n_samples] = cross
-        self.n_samples += 1
-
-    def mark(self, compensator: Compensator, memory: ActuatorMemory) -> None:
-        """Note the memory after the last sample where a quarter ends; call it after every ``append``."""
-        if self.n_samples % self._quarter:
-            return
-        self._anchors.append((compensator, memory.copy()))
-        if self.n_samples == self._steps_s.size:
-            keep = 3 * self._quarter
-            self._steps_s[:keep] = self._steps_s[self._quarter :]
-            self._desired_um[:keep] = self._desired_um[self._quarter :]
-            self._cross[:keep] = self._cross[self._quarter :]
-            self.n_samples = keep
-            self.n_dropped += self._quarter
-            del self._anchors[0]
-
-    @property
-    def anchor(self) -> tuple[Compensator, ActuatorMemory]:
-        """The compensator and its memory where the history begins."""
-        return self._anchors[0]
-
-    def part(self, start: int, stop: int) -> tuple[Array, Array, Array]:
-        """Return steps [s], displacements [um] and second axis of samples ``start`` to ``stop``."""
-        return self._steps_s[start:stop], self._desired_um[start:stop], self._cross[start:stop]
-
-
-class MemoryReplay:
-    """Bring a changed model to where it would stand had it been running, some samples at a time.
-
-    Args:
-        history: what was followed; it may grow meanwhile.
-        new: the changed model's compensator.
-    """
-
-    def __init__(self, history: TargetHistory, new: Compensator) -> None:
-        self.compensator = new
-        self._history = history
-        anchor_compensator, anchor = history.anchor
-        self.memory = carried(anchor_compensator, new, anchor)
-        self._next = history.n_dropped
-        self._chunk = _FIRST_CHUNK
-        self.last_voltage_v = 0.0
-
-    def work(self, budget_s: float) -> bool:
-        """Replay for about this long [s]; return whether the replay has caught up.
-
-        Raises:
-            FomrcError: the history has moved on beyond what was still to be replayed.
-        """
-        deadline = time.perf_counter() + budget_s
-        history = self._history
-        while True:
-            start = self._next - history.n_dropped
-            if start < 0:
-                raise FomrcError("the model could not be brought up to date: history_s is too short")
-            stop = min(start + self._chunk, history.n_samples)
-            if start >= stop:
-                return True
-            began = time.perf_counter()
-            self._replay(*history.part(start, stop))
-            self._next += stop - start
-            now = time.perf_counter()
-            # Chunks that take about a fifth of the budget, on any machine, with or without compiled kernels.
-            if now - began < 0.1 * budget_s:
-                self._chunk = min(2 * self._chunk, 4096)
-            elif now - began > 0.3 * budget_s:
-                self._chunk = max(self._chunk // 2, 1)
-            if now >= deadline:
-                return self._next - history.n_dropped >= history.n_samples
-
-    def _replay(self, steps_s: Array, desired_um: Array, cross: Array) -> None:
-        compensator, memory = self.compensator, self.memory
-        # Turning points need the hysteresis input of every sample, so this goes step by step.
-        for step_s, desired, beside in zip(steps_s.tolist(), desired_um.tolist(), cross.tolist(), strict=True):
-            self.last_voltage_v = memory.advance(compensator, desired, step_s, beside)
 
 
 def displacement_for_voltage(

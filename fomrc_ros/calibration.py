@@ -185,6 +185,7 @@ class Calibration:
 
     async def _apply(self, answer: FitAnswer) -> None:
         values = values_from_model(PiezoModel.from_mapping(answer.model_mapping))
+        values["model.fit_rms_um"] = answer.rms_um
         kinds = {spec.name: spec.kind for spec in MODEL_SPECS}
         request = SetParametersAtomically.Request()
         for name, value in values.items():

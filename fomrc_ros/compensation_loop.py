@@ -11,13 +11,12 @@ from fomrc_core.errors import FomrcError
 from fomrc_core.inverse import Compensator
 from fomrc_ros.actuator_memory import (
     ActuatorMemory,
-    MemoryReplay,
-    TargetHistory,
     aging_steps,
     carried,
     carries_exactly,
     displacement_for_voltage,
 )
+from fomrc_ros.target_history import MemoryReplay, TargetHistory
 from fomrc_ros.voltage_limits import VoltageLimits
 
 # Part of a period that catching up with a changed model may take from each tick.
@@ -44,7 +43,7 @@ class LoopSettings:
         stale_after_s: age at which a target is stale [s], 0 for never.
         ramps_when_stale: ramp to the safe voltage on a stale target; else hold it, compensating creep.
         period_s: nominal period [s].
-        history_s: how much of the past is kept for a model swap [s].
+        history_s: how much of the past is kept sample by sample for a model swap [s].
     """
 
     limits: VoltageLimits

@@ -86,7 +86,7 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
         ParameterSpec(
             "history_s",
             120.0,
-            "how much of the past a changed creep order or effect is replayed over",
+            "how much of the past is kept sample by sample for a changed creep order; thirty times as much in outline",
             unit="s",
             minimum=1.0,
             maximum=3600.0,

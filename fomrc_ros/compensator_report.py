@@ -47,6 +47,7 @@ def describe(node: CompensatorNode) -> Report:
             "turning_points": len(loop.memory.turning_points),
             "not_inverted": ", ".join(name for name, _ in loop.compensator.not_inverted) or "none",
             "creep_order": loop.compensator.model.creep_order,
+            "fit_rms_um": node.parameters.values["model.fit_rms_um"] or "not known",
             "elements": loop.compensator.model.n_elements,
         }
     )

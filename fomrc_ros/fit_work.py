@@ -136,7 +136,7 @@ def fit(request: FitRequest, tell: Tell) -> FitAnswer:
         recordings, n_elements=request.n_elements or "auto", method=request.method, test=test, progress=tell
     )
     path = Path(request.output_path)
-    write_model(found.model, path)
+    write_model(found.model, path, found.rms_um)
     return FitAnswer(
         path.read_text(encoding="utf-8"),
         found.model.to_mapping(),
@@ -149,9 +149,8 @@ def fit(request: FitRequest, tell: Tell) -> FitAnswer:
 
 def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
     """Diagnose the recordings, write report and extended model, and return the summary in one line."""
-    from fomrc_core.report import write_report
-
     from fomrc_core.diagnosis import diagnose as find_causes
+    from fomrc_core.report import write_report
     from fomrc_core.storage import read_model
 
     tell(0.0, "reading")

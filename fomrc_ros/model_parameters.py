@@ -30,6 +30,13 @@ MODEL_SPECS = (
     ),
     ParameterSpec("model.creep_order", 0.0, "creep order alpha", minimum=0.0, maximum=1.0, unit="1"),
     ParameterSpec("model.effects", [], "names of the effects beside hysteresis and creep", kind=Kind.STRING_ARRAY),
+    ParameterSpec(
+        "model.fit_rms_um",
+        0.0,
+        "error of the fit the model came from, shown in /diagnostics; 0 where not known",
+        unit="um",
+        minimum=0.0,
+    ),
 )
 
 

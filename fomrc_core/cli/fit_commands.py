@@ -26,6 +26,7 @@ from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
     from fomrc_core.identification import Fit
+    from fomrc_core.uncertainty import Uncertainty
 
 HeldOut = Annotated[Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")]
 
@@ -48,6 +49,9 @@ def identify(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="F", help="Also write the result as JSON.")] = (
         None
     ),
+    uncertainty: Annotated[
+        bool, typer.Option("--uncertainty", help="Also bootstrap how sure each parameter is, and what would tell more.")
+    ] = False,
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
@@ -58,15 +62,22 @@ def identify(
     """
     from fomrc_core.identification import identify as fit_to
     from fomrc_core.storage import write_model, write_text
+    from fomrc_core.uncertainty import estimate_uncertainty
 
     n_elements = _element_count(elements)
     records = [read(path, columns, rate, topics) for path in recordings]
     held_out = read(test, columns, rate, topics) if test else None
     with progress_shown("identify") as progress:
         fit = fit_to(records, n_elements=n_elements, method=method.value, test=held_out, progress=progress)
-    write_model(fit.model, output)
+    sure = None
+    if uncertainty:
+        with progress_shown("bootstrap") as progress:
+            sure = estimate_uncertainty(fit, records, progress=progress)
+    write_model(fit.model, output, fit.rms_um)
     if json_file:
         results = fit_results(fit, [record.name for record in records], method.value)
+        if sure is not None:
+            results["uncertainty"] = uncertainty_results(sure)
         write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", json_file)
     print(f"{fit.outcome.value}: {fit.reason}")
     print(f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
@@ -74,8 +85,43 @@ def identify(
     print(f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)")
     if held_out is not None:
         print(f"NRMSE {fit.test_nrmse_percent:.4g} % held out ({held_out.name})")
+    if sure is not None:
+        print("\n".join(uncertainty_lines(sure)))
     for record, start in zip(records, fit.starts, strict=True):
         say(f"{record.name}: taken to begin {start}")
+
+
+def uncertainty_lines(sure: Uncertainty) -> list[str]:
+    """Return how sure each parameter is, a line each, and what to measure to learn more."""
+    low, high = sure.creep_order_interval
+    lines = [f"creep order {sure.creep_order:.5g}, between {low:.5g} and {high:.5g} (95 %)"]
+    for element in sure.elements:
+        sureness = "" if element.is_determined else ", not determined by this data"
+        lines.append(
+            f"element {element.number}: "
+            f"kappa {element.kappa_um_per_v:.4g} um/V +- {100 * element.kappa_relative_error:.2g} %, "
+            f"saturation {element.saturation_v:.4g} V +- {100 * element.saturation_relative_error:.2g} %{sureness}"
+        )
+    return lines + list(sure.advice)
+
+
+def uncertainty_results(sure: Uncertainty) -> dict[str, Any]:
+    """Return the same as plain numbers and lists, None where there is no number."""
+    return {
+        "creep_order_interval": [_number(v) for v in sure.creep_order_interval],
+        "last_kappa_interval_um_per_v": [_number(v) for v in sure.last_kappa_interval_um_per_v],
+        "elements": [
+            {
+                "number": element.number,
+                "kappa_relative_error": _number(element.kappa_relative_error),
+                "saturation_relative_error": _number(element.saturation_relative_error),
+                "knee_v": _number(element.knee_v),
+                "is_determined": element.is_determined,
+            }
+            for element in sure.elements
+        ],
+        "advice": list(sure.advice),
+    }
 
 
 def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any]:
@@ -120,6 +166,7 @@ def diagnose(
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
     from fomrc_core.diagnosis import diagnose as find_causes
+    from fomrc_core.identification import check_usable
     from fomrc_core.report import write_report
     from fomrc_core.storage import read_model
 
@@ -127,6 +174,7 @@ def diagnose(
     records = [read(path, columns, rate, topics) for path in recordings]
     held_out = read(test, columns, rate, topics) if test else None
     third = read(report, columns, rate, topics) if report else None
+    check_usable([record for record in (*records, held_out, third) if record is not None])
     folder = make_directory(output)
     with worker_processes() as executor, progress_shown("diagnose") as progress:
         diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)

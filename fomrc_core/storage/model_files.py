@@ -14,13 +14,14 @@ from fomrc_core.storage.plain_yaml import load_yaml
 
 _N_BYTES_MAX = 1 << 18
 _NESTING = "'/**: ros__parameters: model:'"
+FIT_ERROR = "fit_rms_um"
 
 
 def read_model(path: str | os.PathLike[str]) -> PiezoModel:
     """Read a model from a ROS parameter file: ``/**: ros__parameters: model: ...``.
 
-    Other parameters in the file are ignored. A file for one node (``/axis1/compensator:`` in place of
-    ``/**:``) is read as well where it is the only one with a model.
+    Other parameters in the file are ignored, and so is the fit's error beside the model. A file for one node
+    (``/axis1/compensator:`` in place of ``/**:``) is read as well where it is the only one with a model.
 
     Raises:
         StorageError: not readable, no plain YAML, or nested otherwise.
@@ -30,20 +31,28 @@ def read_model(path: str | os.PathLike[str]) -> PiezoModel:
     content = load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where)
     block = _model_block(content, where)
     try:
-        return PiezoModel.from_mapping(block, "model")
+        return PiezoModel.from_mapping({key: value for key, value in block.items() if key != FIT_ERROR}, "model")
     except ParameterError as error:
         raise ParameterError(
             error.what, where=f"{where}, {error.where}", value=error.value, allowed=error.allowed
         ) from None
 
 
-def write_model(model: PiezoModel, path: str | os.PathLike[str]) -> None:
+def write_model(model: PiezoModel, path: str | os.PathLike[str], fit_rms_um: float | None = None) -> None:
     """Write a model as a ROS parameter file that reads back bit for bit.
+
+    Args:
+        model: what to write.
+        path: where to.
+        fit_rms_um: error of the fit it came from [um], for those who run it to see.
 
     Raises:
         StorageError: the file cannot be written.
     """
-    text = yaml.safe_dump(model_to_parameters(model), sort_keys=False, default_flow_style=None, width=110)
+    content = model_to_parameters(model)
+    if fit_rms_um is not None:
+        content["/**"]["ros__parameters"]["model"][FIT_ERROR] = float(fit_rms_um)
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
     write_text(text, path)
 
 

@@ -111,6 +111,18 @@ def test_identify_writes_a_model_that_simulates_the_record(measured: Path, capsy
     assert 100.0 * np.std(residual_um) / np.ptp(read_recording(measured).measured_um) < 0.5
 
 
+def test_identify_says_how_sure_each_parameter_is(measured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--elements", "4", "--output", "model.yaml", "--json", "fit.json", "--uncertainty"]
+    assert run(["identify", "stage.csv", *options]) == 0
+    assert "element 4: kappa" in capsys.readouterr().out
+    results = json.loads((measured.parent / "fit.json").read_text())
+    low, high = results["uncertainty"]["creep_order_interval"]
+    assert low < results["creep_order"] < high
+    assert [element["number"] for element in results["uncertainty"]["elements"]] == [1, 2, 3, 4]
+    assert f"fit_rms_um: {results['rms_um']!r}" in (measured.parent / "model.yaml").read_text()
+    assert read_model(measured.parent / "model.yaml").n_elements == 4
+
+
 def test_diagnose_writes_findings_report_and_a_model_that_runs_at_once(
     measured: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
