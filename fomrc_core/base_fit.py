@@ -63,6 +63,20 @@ def threshold_grid(records: tuple[PreparedRecord, ...], n_thresholds: int) -> Ar
     return np.asarray(top * (np.arange(n_thresholds + 1) / n_thresholds) ** 1.6)[:-1]
 
 
+def longest_sweep(records: tuple[PreparedRecord, ...]) -> int:
+    """Return the number of samples in which the drive moves in the longest sweep one way.
+
+    Thresholds closer together than its samples cannot be told apart.
+    """
+    longest = 0
+    for record in records:
+        moves = np.diff(record.voltage_v)
+        ways = np.sign(moves[moves != 0.0])
+        turns = np.flatnonzero(np.diff(ways)) + 1
+        longest = max(longest, int(np.max(np.diff(np.concatenate(([0], turns, [ways.size]))))))
+    return longest
+
+
 def product(columns: Array, signals: Array, is_used: NDArray[np.bool_]) -> Array:
     """Return columns^T signals over the used samples."""
     # zeroing the one signal costs nothing beside copying the used rows of all columns

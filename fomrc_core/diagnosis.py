@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.algebra_threads import with_one_algebra_thread
-from fomrc_core.base_fit import centred, choose_starts, fit_base, rebased, residuals, threshold_grid
+from fomrc_core.base_fit import centred, choose_starts, fit_base, longest_sweep, rebased, residuals, threshold_grid
 from fomrc_core.bench import Bench, HeldOut, held_residuals, lay_out
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.columns import ColumnKinds
@@ -180,8 +180,9 @@ def diagnose(
 def _base(bench: Bench, n_thresholds: int) -> Chain:
     columns = ColumnKinds.plays(threshold_grid(bench.train, n_thresholds))
     chain, _, _ = fit_base(bench.train, columns, choose_starts(bench.train))
+    n_grid = min(max(longest_sweep(bench.train), n_thresholds), N_GRID)
     extra = tuple(() for _ in range(bench.n_records - len(bench.train)))
-    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(bench.train, N_GRID))
+    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(bench.train, n_grid))
     return refit(rebased(chain, bench.train), bench.train, n_iterations=3).chain
 
 

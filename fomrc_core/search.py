@@ -201,7 +201,8 @@ def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -
                 continue
             effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
             other = settle(chain.without(name).with_effect(effect), bench.train)
-            if _sure_gain(final, other, bench) > _TIE:
+            held = held_out_score(held_residuals(chain, bench.held), held_residuals(other.chain, bench.held))
+            if _sure_gain(final, other, bench) > _TIE and held.log_gain > _PRUNED:
                 return at, rival
     return None
 
