@@ -63,6 +63,47 @@ def test_identify(tmp_path, probe, start, recording):
     probe.until(lambda: probe.levels.get(node.name) == DiagnosticStatus.WARN, "the failure in diagnostics")
 
 
+@pytest.fixture
+def lagging_recording(tmp_path):
+    """A record at 1 kHz of the same actuator behind an amplifier of 12 Hz, worked at a tenth of the sample period."""
+    parts, rate_hz, cutoff_hz = 10, 1000.0, 12.0
+    pieces = [
+        excitation.triangle(1.5, slope_v_per_s=3.0, n_cycles=3, rate_hz=rate_hz).voltage_v,
+        excitation.steps([1.2, -0.7, 0.9, -1.4, 0.3, 0.0], dwell_s=0.5, lead_in_s=0.1, rate_hz=rate_hz).voltage_v,
+        excitation.triangle(1.0, slope_v_per_s=40.0, n_cycles=6, rate_hz=rate_hz).voltage_v,
+    ]
+    drive = np.concatenate(pieces)
+    fine = np.interp(np.arange(parts * (drive.size - 1) + 1) / parts, np.arange(drive.size), drive)
+    share = 1.0 - np.exp(-2.0 * np.pi * cutoff_hz / (parts * rate_hz))
+    lagged, at = np.zeros(fine.size), 0.0
+    for k in range(1, fine.size):
+        at += share * (0.5 * (fine[k - 1] + fine[k]) - at)  # the middle of each part: no delay of its own
+        lagged[k] = at
+    moved = PiezoModel.from_mapping(MODEL).simulate(np.full(fine.size, 1.0 / (parts * rate_hz)), lagged)[::parts]
+    moved += 1e-3 * np.random.default_rng(4).standard_normal(moved.size)
+    path = tmp_path / "lagging.csv"
+    rows = np.column_stack((np.arange(drive.size) / rate_hz, drive, moved))
+    np.savetxt(path, rows, delimiter=",", header="time_s,voltage_v,displacement_um", comments="")
+    return path
+
+
+def test_diagnose_names_the_lag_and_writes_the_extended_model(tmp_path, probe, start, lagging_recording):
+    node = start("identification", output_folder="result")
+    assert probe.set_one(node.name, "recordings", [str(lagging_recording)]).successful
+    answer = probe.trigger(f"{node.name}/diagnose", timeout_s=240.0)
+    assert answer.success, answer.message
+    assert "amplifier_bandwidth" in answer.message
+    block = yaml.safe_load((tmp_path / "result" / "extended_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
+    assert block["effects"][0] == "amplifier_bandwidth"
+    assert abs(block["amplifier_bandwidth"]["cutoff_hz"] - 12.0) < 0.6
+    assert (tmp_path / "result" / "report.html").stat().st_size > 10_000
+    # What was found runs: the compensator takes the file as it is.
+    compensator = start("compensator", tmp_path / "result" / "extended_model.yaml")
+    assert probe.get(compensator.name, "model.effects") == ["amplifier_bandwidth"]
+    probe.until(lambda: "fit_rms_um" in probe.diagnostics.get(compensator.name, {}), "the fit's error in diagnostics")
+    assert float(probe.diagnostics[compensator.name]["fit_rms_um"]) == pytest.approx(block["fit_rms_um"], rel=1e-3)
+
+
 def test_the_node_goes_on_while_it_fits_and_can_be_told_to_stop(tmp_path, probe, start, recording):
     node = start("identification", n_elements=0)
     probe.set_one(node.name, "recordings", [str(recording)] * 3)
