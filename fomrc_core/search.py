@@ -120,7 +120,7 @@ def search(
         accepted = _likelier(accepted, contenders, bench, len(causes))
         tied = _tied(accepted, contenders, bench)
         tried.add(accepted.cause)
-        rivals = _rivals(accepted, contenders, _NEARLY)
+        rivals = _rivals(accepted, contenders)
         steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         final = settle(accepted.fitted.chain, bench.train)
@@ -148,13 +148,19 @@ def _is_accepted(contender: Contender, n_causes: int) -> bool:
 
 
 def _likelier(winner: Contender, contenders: list[Contender], bench: Bench, n_causes: int) -> Contender:
-    """Return the contender that is surely likelier with no more parameters, where held-out data hardly tell the two.
+    """Return the contender that is surely likelier with no more parameters, unless held-out data speak up against it.
 
-    How well the base itself carries over to held-out data differs a little from fit to fit.
+    How well the base itself carries over to held-out data differs from fit to fit: a little after a rich drive, much
+    after a poor one, so that the two gains are weighed against each other.
     """
-    for other in _rivals(winner, contenders, _HARDLY):
-        is_simpler = other.n_free <= winner.n_free and other.cause != AsymmetricHysteresis.name
-        if is_simpler and _is_accepted(other, n_causes) and _sure_gain(winner.fitted, other.fitted, bench) > _TIE:
+    for other in contenders:
+        if other is winner or other.is_bound or other.cause == AsymmetricHysteresis.name:
+            continue
+        learnt = other.train_log_gain - winner.train_log_gain
+        lost = winner.score.log_gain - other.score.log_gain
+        if other.n_free > winner.n_free or learnt < 0.0 or lost > max(learnt, _HARDLY):
+            continue
+        if _is_accepted(other, n_causes) and _sure_gain(winner.fitted, other.fitted, bench) > _TIE:
             return other
     return winner
 
@@ -176,7 +182,7 @@ def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[
     return tied
 
 
-def _rivals(winner: Contender, contenders: list[Contender], margin: float) -> tuple[Contender, ...]:
+def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, ...]:
     """Return the contenders that did nearly as well."""
     return tuple(
         other
@@ -185,8 +191,8 @@ def _rivals(winner: Contender, contenders: list[Contender], margin: float) -> tu
         and other.is_plausible
         and not other.is_bound
         and other.score.is_worthwhile()
-        and other.score.log_gain > winner.score.log_gain - margin
-        and other.train_log_gain > winner.train_log_gain - margin
+        and other.score.log_gain > winner.score.log_gain - _NEARLY
+        and other.train_log_gain > winner.train_log_gain - _NEARLY
     )
 
 
