@@ -1,0 +1,72 @@
+"""Which of several contenders is taken: held-out data first, but not against what the training data surely say."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fomrc_core import search
+from fomrc_core.acceptance import HeldOutScore
+from fomrc_core.bench import Bench, lay_out
+from fomrc_core.chain import Chain
+from fomrc_core.columns import ColumnKinds
+from fomrc_core.contender import Contender
+from fomrc_core.excitation import triangle
+from fomrc_core.recording import Recording
+from fomrc_core.refit import Refit
+
+_BEFORE_UM = 0.016
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    drive = triangle(1.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=500.0)
+    noise_um = np.random.default_rng(1).normal(0.0, 1e-3, drive.voltage_v.size)
+    record = Recording(drive.time_s, drive.voltage_v, 2.0 * drive.voltage_v + noise_um)
+    return lay_out((record,), None, None, 1e-3)
+
+
+def _contender(bench: Bench, cause: str, train_gain: float, held_gain: float, n_free: int = 1) -> Contender:
+    """Return a contender that leaves white noise of the size its training gain says."""
+    size_um = _BEFORE_UM * math.exp(-0.5 * train_gain)
+    n = bench.train[0].time_s.size
+    left = np.random.default_rng(2).normal(0.0, size_um, n)
+    chain = Chain(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+    squared_error = float(np.sum(left[bench.train[0].is_used] ** 2))
+    fitted = Refit(chain, squared_error, (), (np.zeros((n, 0)),), (left,), True)
+    rms_um = _BEFORE_UM * math.exp(-0.5 * held_gain)
+    score = HeldOutScore(held_gain, 0.0, 1e-20, _BEFORE_UM, rms_um)
+    return Contender(cause, fitted, score, train_gain, (), n_free)
+
+
+def _named(bench: Bench, first: Contender, *others: Contender) -> str:
+    return search._likelier(first, [first, *others], bench, 18).cause
+
+
+def test_after_a_poor_drive_what_reaches_the_noise_in_training_is_taken(bench: Bench) -> None:
+    delay = _contender(bench, "transport_delay", 4.27, 4.99)
+    assert _named(bench, delay, _contender(bench, "amplifier_bandwidth", 5.58, 4.08)) == "amplifier_bandwidth"
+    # a gain in training smaller than the loss held out is none
+    assert _named(bench, delay, _contender(bench, "amplifier_bandwidth", 4.8, 4.08)) == "transport_delay"
+
+
+def test_more_parameters_are_no_likelier_cause(bench: Bench) -> None:
+    lag = _contender(bench, "amplifier_bandwidth", 4.0, 4.0)
+    assert _named(bench, lag, _contender(bench, "mechanical_resonance", 5.0, 4.0, n_free=2)) == "amplifier_bandwidth"
+    assert _named(bench, lag, _contender(bench, "asymmetric_hysteresis", 6.0, 4.0)) == "amplifier_bandwidth"
+
+
+def test_of_two_that_held_out_data_hardly_tell_apart_the_likelier_is_taken(bench: Bench) -> None:
+    ringing = _contender(bench, "mechanical_resonance", 6.80, 6.59, n_free=2)
+    assert _named(bench, ringing, _contender(bench, "transport_delay", 6.82, 6.53)) == "transport_delay"
+    # as likely as the first: nothing to choose by
+    assert _named(bench, ringing, _contender(bench, "transport_delay", 6.80, 6.53)) == "mechanical_resonance"
+
+
+def test_rivals_are_those_that_did_nearly_as_well(bench: Bench) -> None:
+    first = _contender(bench, "mechanical_resonance", 4.15, 2.77, n_free=2)
+    near = _contender(bench, "transport_delay", 4.16, 2.76)
+    far = _contender(bench, "amplifier_bandwidth", 2.99, 2.03)
+    assert [c.cause for c in search._rivals(first, [first, near, far])] == ["transport_delay"]
