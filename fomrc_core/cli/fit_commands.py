@@ -20,7 +20,7 @@ from fomrc_core.cli.options import (
     progress_shown,
     read,
     say,
-    worker_processes,
+    worker_threads,
 )
 from fomrc_core.errors import ParameterError
 
@@ -176,7 +176,7 @@ def diagnose(
     third = read(report, columns, rate, topics) if report else None
     check_usable([record for record in (*records, held_out, third) if record is not None])
     folder = make_directory(output)
-    with worker_processes() as executor, progress_shown("diagnose") as progress:
+    with worker_threads() as executor, progress_shown("diagnose") as progress:
         diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)
         progress(1.0, "report")
         write_report(diagnosis, folder)

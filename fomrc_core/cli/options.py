@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -89,16 +88,17 @@ def pairs(text: str, option: str) -> dict[str, str]:
 
 
 @contextmanager
-def worker_processes() -> Iterator[Executor | None]:
-    """Give one process per processor to work in; None where there is one only."""
+def worker_threads() -> Iterator[Executor | None]:
+    """Give one thread per processor to work in; None where there is one only.
+
+    Kernels and linear algebra release the interpreter; processes would spend longer on passing the records' columns
+    to and fro than on working with them.
+    """
     n_processors = os.cpu_count() or 1
     if n_processors < 2:
         yield None
         return
-    # One thread each: the processes are the parallelism. Read by the libraries when a process starts.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    with ProcessPoolExecutor(n_processors, mp_context=get_context("spawn")) as executor:
+    with ThreadPoolExecutor(n_processors) as executor:
         yield executor
 
 
