@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fomrc_core import excitation
@@ -83,6 +83,8 @@ def test_relaxation_falls_linearly_then_exponentially_without_a_kink(
     time_s, envelope_v = drive.time_s[is_clear], (drive.voltage_v[is_clear] / sine[is_clear])
     assert drive.voltage_v[0] == pytest.approx(-amplitude_v)
     is_linear = envelope_v > corner_ratio * amplitude_v
+    # a short exponential part may lie between two swings of the sine: then there is nothing to see of it
+    assume(min(np.count_nonzero(is_linear), np.count_nonzero(~is_linear)) > 10)
     linear = np.polynomial.Polynomial.fit(time_s[is_linear], envelope_v[is_linear], 1).convert()
     np.testing.assert_allclose(envelope_v[is_linear], linear(time_s[is_linear]), atol=1e-9 * amplitude_v)
     logarithm = np.polynomial.Polynomial.fit(time_s[~is_linear], np.log(envelope_v[~is_linear]), 1).convert()
