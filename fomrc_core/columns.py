@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compiled import compiled_sums
+from fomrc_core.compiled import compiled_inline, compiled_sums
 from fomrc_core.creep import (
     CURRENT_WEIGHT,
     DECAY,
@@ -81,6 +81,21 @@ def creep_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps
     return out
 
 
+@compiled_inline
+def _move_plays(thresholds: Array, knees: Array, kinds: NDArray[np.int64], u: float, plays: Array, slopes: Array,
+                now: Array) -> None:  # fmt: skip
+    for j in range(plays.size):
+        play = plays[j]
+        if play < u - thresholds[j]:
+            play = u - thresholds[j]
+            slopes[j] = -1.0
+        elif play > u + thresholds[j]:
+            play = u + thresholds[j]
+            slopes[j] = 1.0
+        plays[j] = play
+        now[j] = (max(play, knees[j]) - max(0.0, knees[j])) if kinds[j] == PLAY else slopes[j]
+
+
 @compiled_sums
 def _fill_equal_steps(thresholds: Array, knees: Array, kinds: NDArray[np.int64], block: Array, drive: Array,
                       steps: Array, n_skipped: int, out: Array) -> None:  # fmt: skip
@@ -100,17 +115,7 @@ def _fill_equal_steps(thresholds: Array, knees: Array, kinds: NDArray[np.int64],
             prepare_step(block, 0, step)
             now_weight = block[CURRENT_WEIGHT]
             before_weight = _reshift(block, modes, before, past, decays, weighted, gains, currents)
-        u = drive[k]
-        for j in range(n_columns):
-            play = plays[j]
-            if play < u - thresholds[j]:
-                play = u - thresholds[j]
-                slopes[j] = -1.0
-            elif play > u + thresholds[j]:
-                play = u + thresholds[j]
-                slopes[j] = 1.0
-            plays[j] = play
-            now[j] = (max(play, knees[j]) - max(0.0, knees[j])) if kinds[j] == PLAY else slopes[j]
+        _move_plays(thresholds, knees, kinds, drive[k], plays, slopes, now)
         if k >= n_skipped:
             for j in range(n_columns):
                 out[k - n_skipped, j] = now_weight * now[j] + before_weight * before[j] + past[j]
@@ -174,17 +179,7 @@ def _fill_any_steps(thresholds: Array, knees: Array, kinds: NDArray[np.int64], b
         if steps[k] != step:
             step = steps[k]
             prepare_step(block, 0, step)
-        u = drive[k]
-        for j in range(n_columns):
-            play = plays[j]
-            if play < u - thresholds[j]:
-                play = u - thresholds[j]
-                slopes[j] = -1.0
-            elif play > u + thresholds[j]:
-                play = u + thresholds[j]
-                slopes[j] = 1.0
-            plays[j] = play
-            now[j] = (max(play, knees[j]) - max(0.0, knees[j])) if kinds[j] == PLAY else slopes[j]
+        _move_plays(thresholds, knees, kinds, drive[k], plays, slopes, now)
         current, held = block[CURRENT_WEIGHT], block[HELD_WEIGHT]
         for j in range(n_columns):
             total[j] = current * now[j] + held * before[j]
