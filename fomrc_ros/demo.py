@@ -24,7 +24,7 @@ from fomrc_core.identification import identify
 from fomrc_core.model import PiezoModel
 from fomrc_core.recording import Recording
 from fomrc_core.residual import nrmse_percent
-from fomrc_core.storage import write_model
+from fomrc_core.storage import make_directory, write_model
 from fomrc_ros.demo_experiments import (
     COMPENSATED,
     RATE_HZ,
@@ -37,7 +37,7 @@ from fomrc_ros.demo_experiments import (
 )
 from fomrc_ros.demo_figures import save_figures
 from fomrc_ros.node_processes import NodeProcess, private_environment
-from fomrc_ros.node_runtime import make_executor
+from fomrc_ros.node_runtime import EXIT_BAD_INPUT, make_executor
 
 NOISE_UM = 1e-3
 AMPLITUDE_UM = 2.4
@@ -63,7 +63,11 @@ def run(folder: Path) -> int:
     began = time.monotonic()
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_directory(folder)
+    except FomrcError as error:
+        print(f"fomrc demo: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
         with Progress(*columns, console=console) as progress:
             model_path, gain, calibration_text = _calibrate(folder, progress)
             results = _experiments(model_path, gain, progress)

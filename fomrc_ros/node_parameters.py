@@ -69,7 +69,7 @@ class ParameterSpec:
         if self.minimum is not None or self.maximum is not None:
             low = "-inf" if self.minimum is None else f"{self.minimum:g}"
             high = "inf" if self.maximum is None else f"{self.maximum:g}"
-            return f"{low} to {high}" + (f" {self.unit}" if self.unit else "")
+            return f"{low} to {high}" + (f" {self.unit}" if self.unit not in ("", "1") else "")
         element = _ELEMENT_KINDS.get(self.kind)
         if element is not None:
             return f"a list, each {_PYTHON_TYPES[element][1]}"

@@ -17,7 +17,6 @@ from fomrc_core.cli.options import (
     Rate,
     Recordings,
     Topics,
-    make_directory,
     progress_shown,
     read,
     say,
@@ -39,7 +38,7 @@ def compare(
 ) -> None:
     """Compare the model with those of the field, on the same data with the same split."""
     from fomrc_core.comparison import compare as score_all
-    from fomrc_core.storage import read_model
+    from fomrc_core.storage import make_directory, read_model
 
     extended = read_model(model) if model else None
     records = [read(path, columns, rate, topics) for path in recordings]
@@ -53,6 +52,7 @@ def compare(
 def reproduce(output: OutputDirectory) -> None:
     """Reproduce the paper's tables and figures on simulated data with the same excitations."""
     from fomrc_core.reproduction import reproduce as reproduce_all
+    from fomrc_core.storage import make_directory
 
     folder = make_directory(output)
     with progress_shown("reproduce") as progress:
@@ -70,6 +70,7 @@ def data(
 ) -> None:
     """Find measured examples, fetching what is not on this machine."""
     from fomrc_core.data_sources import DATA_SETS, locate
+    from fomrc_core.storage import make_directory
 
     missing = []
     for name in names or DATA_SETS:

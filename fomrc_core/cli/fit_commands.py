@@ -16,7 +16,6 @@ from fomrc_core.cli.options import (
     Rate,
     Recordings,
     Topics,
-    make_directory,
     progress_shown,
     read,
     say,
@@ -168,7 +167,7 @@ def diagnose(
     from fomrc_core.diagnosis import diagnose as find_causes
     from fomrc_core.identification import check_usable
     from fomrc_core.report import write_report
-    from fomrc_core.storage import read_model
+    from fomrc_core.storage import make_directory, read_model
 
     base = read_model(model) if model else None
     records = [read(path, columns, rate, topics) for path in recordings]

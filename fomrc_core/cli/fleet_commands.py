@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.fit_commands import Method, _element_count
-from fomrc_core.cli.options import Columns, OutputDirectory, Rate, column_numbers, make_directory, progress_shown, say
+from fomrc_core.cli.options import Columns, OutputDirectory, Rate, column_numbers, progress_shown, say
 from fomrc_core.errors import ParameterError
 
 
@@ -36,6 +36,7 @@ def identify_fleet(
     kept. A record that fails is told and passed over; exit status 2 says that there were such.
     """
     from fomrc_core import fleet
+    from fomrc_core.storage import make_directory
 
     numbers = column_numbers(columns)
     options = fleet.FleetOptions(

@@ -38,16 +38,6 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def make_directory(path: Path) -> Path:
-    """Make a folder for results; raises ParameterError where that is not possible."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ParameterError(f"folder cannot be made ({reason})", where="--output", value=str(path)) from None
-    return path
-
-
 def read(path: Path, columns: str | None, rate_hz: float | None, topics: str | None) -> Recording:
     """Read a recording as the options say."""
     from fomrc_core.storage import read_recording

@@ -4,12 +4,13 @@ Everything that is wrong with a file is told as one :class:`fomrc_core.errors.St
 file, the line or field, the value found and what is allowed.
 """
 
-from fomrc_core.storage.atomic import write_text
+from fomrc_core.storage.atomic import make_directory, write_text
 from fomrc_core.storage.bags import write_bag
 from fomrc_core.storage.model_files import model_to_parameters, read_model, write_model
 from fomrc_core.storage.recordings import read_recording, read_target, write_columns, write_recording
 
 __all__ = [
+    "make_directory",
     "model_to_parameters",
     "read_model",
     "read_recording",

@@ -60,6 +60,24 @@ def read_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
     return text
 
 
+def make_directory(path: Path, *, where: str = "--output") -> Path:
+    """Make a folder for results, and those it stands in.
+
+    Args:
+        path: the folder; may be there already.
+        where: the option or field that names it, for the message.
+
+    Raises:
+        StorageError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise StorageError(f"folder cannot be made ({reason})", where=where, value=str(path)) from None
+    return path
+
+
 def write_bytes(content: bytes, path: str | os.PathLike[str]) -> None:
     """Write a file so that a reader sees the old content or the new, never a part.
 
