@@ -18,6 +18,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -124,9 +125,9 @@ class Probe:
         self.context = rclpy.Context()
         rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(f"probe{time.monotonic_ns() % 10**9}", context=self.context)
-        from fomrc_ros.node_runtime import make_executor
-
-        self.executor = make_executor(self.context)
+        # Not the events executor of the nodes: it ends the process where endpoints come and go while it spins
+        # (rclpy issue 1644), as those of a probe do and those of a node do not.
+        self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.levels: dict[str, bytes] = {}

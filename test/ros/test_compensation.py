@@ -54,19 +54,17 @@ def test_stage_follows_over_joint_states(tmp_path, probe, start):
     seen = probe.record("displacement", JointState)
     publisher = probe.publisher("desired_position", JointState)
     probe.until(lambda: seen, "displacement")
-    probe.drive(publisher, lambda t: 0.0, 0.3)
-    seen.clear()
-    sent = np.array(probe.drive(publisher, lambda t: 1e-6 * math.sin(2.0 * math.pi * 0.4 * t), 3.0, name="z_axis",
-                                rate_hz=500.0))  # fmt: skip
-    times = np.array([t for t, _ in seen])
-    moved = np.array([message.position[0] for _, message in seen])
+    levels_m = 1e-6 * np.array([0.0, 0.9, 0.3, -0.6, -0.2, 0.7])
+    reached_m = []
+    for level in levels_m:
+        probe.drive(publisher, lambda t, level=level: level, 0.5, name="z_axis", rate_hz=500.0)
+        reached_m.append(seen[-1][1].position[0])
     stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for _, message in seen]
     assert seen[-1][1].name == ["z_axis"]
     assert np.all(np.diff(stamps) > 0.0)
-    inside = (times > sent[0, 0] + 0.1) & (times < sent[-1, 0])
-    error = moved[inside] - np.interp(times[inside], sent[:, 0], sent[:, 1])
-    # What is left is the time a message takes: some milliseconds at 2.5 um/s.
-    assert 100.0 * np.sqrt(np.mean(error**2)) / np.ptp(moved[inside]) < 1.5
+    # Levels, not a moving target: how long a message takes is the machine's affair. What is left of it is the
+    # creep of the milliseconds between a voltage and its displacement.
+    assert np.max(np.abs(np.array(reached_m) - levels_m)) < 1e-8
 
 
 def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
