@@ -30,7 +30,7 @@ demo: $(RUN_STAMP)
 	@$(BIN)/fomrc demo
 
 test: $(DEV_STAMP)
-	@$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --max-worker-restart 0 $(ARGS)
 
 bench: $(DEV_STAMP)
 	@$(BIN)/python -m pytest benchmarks -p no:xdist --benchmark-only
