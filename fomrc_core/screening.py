@@ -6,6 +6,7 @@ part could explain of it, is compared with the residual.
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from fomrc_core.effects.missing_hysteresis import MissingHysteresis
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
+
+_LEAST_POWER = 1e-6  # of that of the play that moves most
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +116,8 @@ def evidence_of(
 
 
 def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, left: tuple[Array, ...], noise_um: float,
-           causes: tuple[str, ...], held: HeldView | None = None) -> list[Screened]:  # fmt: skip
+           causes: tuple[str, ...], held: HeldView | None = None,
+           executor: Executor | None = None) -> list[Screened]:  # fmt: skip
     """Return every trial instance with what it explains, best first.
 
     Args:
@@ -124,15 +128,17 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
         noise_um: noise floor [um].
         causes: names to try.
         held: the held-out record, where there is one.
+        executor: screens causes side by side where given.
     """
     clear = space.remove(records, left)
     evidence = evidence_of(chain, records, left, noise_um)
     plain = tuple(predict(chain, r, i, is_coarse=True) for i, r in enumerate(records))
-    found: list[Screened] = []
-    for name in causes:
+
+    def of_cause(name: str) -> list[Screened]:
+        found: list[Screened] = []
         kind = effect_classes()[name]
         if kind is MissingHysteresis:
-            continue
+            return found
         for effect in kind.screening(evidence):
             if isinstance(effect, AsymmetricHysteresis) and effect.thresholds_v:
                 found.append(_screen_family(chain, records, space, clear, effect))
@@ -142,7 +148,10 @@ def screen(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent, le
             for effect in kind.screening(Evidence((own,), noise_um)):
                 if effect.belongs_to_record():
                     found += _screen_one(chain, records, space, clear, plain, effect, i)
-    return sorted(found, key=lambda screened: -screened.explained)
+        return found
+
+    by_cause = map(of_cause, causes) if executor is None else executor.map(of_cause, causes)
+    return sorted((screened for found in by_cause for screened in found), key=lambda screened: -screened.explained)
 
 
 def signature(chain: Chain, record: PreparedRecord, index: int, effect: Effect, plain: Array) -> Array:
@@ -200,7 +209,17 @@ def _screen_family(chain: Chain, records: tuple[PreparedRecord, ...], space: Tan
         own = own - base @ (base.T @ own) if len(records) == 1 else own
         gram += own.T @ own
         moment += own.T @ left[record.is_used]
-    whitening = whitening_of(gram)
-    inside = whitening.T @ moment
+    # a knee the drive hardly reaches could do anything, with a weight beyond all measure
+    power = np.diag(gram)
+    moved = power > _LEAST_POWER * np.max(power)
+    whitening = whitening_of(gram[np.ix_(moved, moved)])
+    inside = whitening.T @ moment[moved]
     explained = float(inside @ inside)
-    return Screened(effect, None, explained, float(np.trace(gram)), 1.0)
+    n_moved = int(np.count_nonzero(moved))
+    reached = replace(
+        effect,
+        thresholds_v=tuple(thresholds[moved].tolist()),
+        knees_v=tuple(only.knees_v[moved].tolist()),
+        weights_um_per_v=(0.0,) * n_moved,
+    )
+    return Screened(reached, None, explained, float(np.trace(gram)), 1.0)

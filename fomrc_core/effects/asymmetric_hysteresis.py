@@ -12,8 +12,8 @@ from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
-_THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
-_KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
+_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)
+_KNEE_SHARES = (0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92)
 
 
 @dataclass(frozen=True)
