@@ -7,6 +7,8 @@ little), those of the effects by differences, so an iteration costs one simulati
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +23,9 @@ Array = NDArray[np.float64]
 
 _CONVERGED = 3e-5
 _LARGEST_DAMPING = 1e6
+_LONGEST_LOG_STEP = 1.0  # a slope says nothing of a value several times smaller or larger
+_RESCAN_WIDTHS = (5e-4, 4e-5, 4e-6)
+_PATIENCE = 4  # iterations before a start may be given up
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class FreeParameter:
     @property
     def difference(self) -> float:
         """Coordinate step of the difference quotient."""
-        return 5e-4 if self.spec.is_log else 5e-3
+        return self.spec.difference or (5e-4 if self.spec.is_log else 5e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +134,11 @@ def with_coordinates(chain: Chain, free: tuple[FreeParameter, ...], coordinates:
 
 
 def _directions(chain: Chain, free: tuple[FreeParameter, ...], coordinates: Array, records: tuple[PreparedRecord, ...],
-                base: tuple[Array, ...]) -> tuple[Array, ...]:  # fmt: skip
+                base: tuple[Array, ...], executor: Executor | None = None) -> tuple[Array, ...]:  # fmt: skip
     parts = [np.zeros((r.time_s.size, len(free))) for r in records]
-    for k, parameter in enumerate(free):
+
+    def fill(k: int) -> None:
+        parameter = free[k]
         step = parameter.difference
         shifted = coordinates.copy()
         shifted[k] += step
@@ -141,16 +148,21 @@ def _directions(chain: Chain, free: tuple[FreeParameter, ...], coordinates: Arra
         try:
             other = with_coordinates(chain, free, shifted)
         except ParameterError:
-            continue
+            return
         for i, record in enumerate(records):
             if parameter.index in (None, i):
                 change = (predict(other, record, i) - base[i]) / step
                 parts[i][:, k] = centred(change, record.is_used)
+
+    filled: Iterable[None] = map(fill, range(len(free))) if executor is None else executor.map(fill, range(len(free)))
+    for _ in filled:
+        pass
     return tuple(parts)
 
 
 def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | None = None, n_iterations: int = 12,
-          free: tuple[FreeParameter, ...] | None = None, is_linear_free: bool = True) -> Refit:  # fmt: skip
+          free: tuple[FreeParameter, ...] | None = None, is_linear_free: bool = True,
+          hopeless_um2: float = math.inf, executor: Executor | None = None) -> Refit:  # fmt: skip
     """Return the chain with effects and linear part fitted together.
 
     Args:
@@ -160,17 +172,22 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
         n_iterations: iterations at most.
         free: parameters to move; all that are not held by default.
         is_linear_free: whether the directions of the linear part may be taken anew.
+        hopeless_um2: a start whose sum of squares is still above this after some iterations is given up.
+        executor: simulates the parameters' directions side by side where given; not one this call runs in.
     """
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
     coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
     chain, left, error = _linear_part_first(chain, records, space)
+    is_log = np.array([p.spec.is_log for p in free], dtype=np.bool_)
     damping, is_converged, is_space_old = 1e-3, False, bool(free) and is_linear_free
     projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
-    for _ in range(n_iterations):
+    for iteration in range(n_iterations):
+        if iteration >= _PATIENCE and error > hopeless_um2:
+            break
         # the offset is taken out of every direction, so the residual stands for the prediction
         base = tuple(r.measured_um - v for r, v in zip(records, left, strict=True))
-        raw = _directions(chain, free, coordinates, records, base)
+        raw = _directions(chain, free, coordinates, records, base, executor)
         projected = _removed(space, records, raw)
         clear = space.remove(records, left)
         hessian = sum(product(d, d, r.is_used) for d, r in zip(projected, records, strict=True))
@@ -178,6 +195,7 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
         is_better = False
         while damping < _LARGEST_DAMPING:
             step = _damped_step(np.asarray(hessian), np.asarray(gradient), damping) if free else np.zeros(0)
+            step = np.where(is_log, np.clip(step, -_LONGEST_LOG_STEP, _LONGEST_LOG_STEP), step)
             rest = tuple(s - d @ step for s, d in zip(left, raw, strict=True))
             change = space.solve(records, rest)
             try:
@@ -210,10 +228,21 @@ def refit(chain: Chain, records: tuple[PreparedRecord, ...], space: Tangent | No
     return Refit(chain, error, free, projected, left, is_converged)
 
 
-def settle(chain: Chain, records: tuple[PreparedRecord, ...]) -> Refit:
+def settle(chain: Chain, records: tuple[PreparedRecord, ...], executor: Executor | None = None) -> Refit:
     """Return the joint refit with plays and directions chosen anew, until it moves no more."""
-    fitted = refit(rebased(chain, records), records)
-    return refit(rebased(fitted.chain, records), records, n_iterations=8)
+    fitted = refit(rebased(chain, records), records, executor=executor)
+    chain = _scanned_again(fitted.chain, records)
+    return refit(rebased(chain, records), records, n_iterations=8, executor=executor)
+
+
+def _scanned_again(chain: Chain, records: tuple[PreparedRecord, ...]) -> Chain:
+    """Return the chain with what derivatives do not find scanned beside all that was found since."""
+    for effect in chain.effects:
+        if effect.is_scanned:
+            spec = next(p for p in effect.parameters if p.name == effect.main_parameter)
+            parameter = FreeParameter(effect.name, None, spec, 1.0)
+            chain = scan(chain, records, tangent(chain, records), parameter, _RESCAN_WIDTHS)
+    return chain
 
 
 def _linear_part_first(

@@ -62,6 +62,7 @@ class Parameter:
         is_log: whether a fit moves its logarithm (positive scales).
         is_list: whether it is a list of values, each within the bounds.
         description: what it is.
+        difference: share of the value by which a fit moves it to see what it does; 0 for the usual one.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Parameter:
     is_log: bool = False
     is_list: bool = False
     description: str = ""
+    difference: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ class MainsHum(Effect):
     place: ClassVar[Place] = Place.MAINS_HUM
     stage: ClassVar[Stage] = Stage.SENSED
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("frequency_hz", "Hz", 1e-2, 1e6, is_log=True, description="frequency"),
+        # a share of the frequency that turns the phase little, even at the end of an hour
+        Parameter("frequency_hz", "Hz", 1e-2, 1e6, is_log=True, description="frequency", difference=1e-8),
         Parameter("amplitude_um", "um", -1e3, 1e3, description="amplitude"),
         Parameter("phase_rad", "rad", -1e6, 1e6, description="phase at the record's first sample"),
     )
