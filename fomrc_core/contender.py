@@ -17,6 +17,7 @@ from fomrc_core.effects import Effect, effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.noise import autocorrelation_inflation
+from fomrc_core.past_search import with_searched_past
 from fomrc_core.refit import FreeParameter, Refit, free_parameters, refit, scan
 from fomrc_core.screening import HeldView, Screened, family_columns
 
@@ -29,6 +30,7 @@ _CLOSE_TO_BEST = 0.2
 _TRAINING_COUNTS = 0.3
 _MAX_STARTS = 12
 _RICH_PENALTY = 1.02
+_HOPELESS = 4.0  # times the least squared error so far
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,8 @@ def contenders_for(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array
         # what the base absorbs in training is told apart on the held-out record
         by_cause[name].sort(key=lambda t: -(t.explained / error + t.explained_held / max(held.values(), default=1.0)
                                             if max(held.values()) > 0.0 else t.explained))  # fmt: skip
+    # a scan takes longest: begun last it would be waited for
+    likely.sort(key=lambda name: not effect_classes()[name].is_scanned)
     tasks = [(chain, bench, space, by_cause[name], error) for name in likely]
     run = map if executor is None else executor.map
     found = [c for c in run(_fit_contender, tasks) if c is not None]
@@ -120,7 +124,7 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     kind = effect_classes()[cause]
     bound = trials[0].effect.belongs_to_record()
     trials = [trial for trial in trials if trial.effect.belongs_to_record() == bound]
-    fits = []
+    fits: list[Refit] = []
     for variant, directions in _variants(chain, bench, space):
         starts = _starts(variant, trials, bound, bench, directions)
         if kind.is_scanned:
@@ -128,8 +132,10 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
         for start in starts:
             # a family of columns and a large effect turn the directions of the linear part: take them anew
             is_new = start.weights.size != chain.weights.size or _clear_error(start, bench, directions) > 2.0 * error
-            fits.append(refit(start, bench.train, None if is_new else directions, n_iterations=8))
-    if not fits:
+            least = min([error, *(f.squared_error for f in fits)])
+            fits.append(refit(start, bench.train, None if is_new else directions, n_iterations=8,
+                              hopeless_um2=_HOPELESS * least))  # fmt: skip
+    if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
         return None
     # twenty more weights must earn their keep
     best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
@@ -171,8 +177,14 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, spa
     if bound:
         joined = chain
         for index in sorted({trial.index for trial in trials if trial.index is not None}):
-            own = [joined.with_effect(sized(t), index) for t in trials if t.index == index][:_MAX_STARTS]
-            joined = min(own, key=lambda option: _clear_error(option, bench, space))
+            here = [t.effect for t in trials if t.index == index]
+            pasts = [effect for effect in here if isinstance(effect, InitialState)]
+            if pasts:
+                joined = with_searched_past(joined, index, pasts, lambda c: _clear_error(c, bench, space))
+                continue
+            own = [t for t in trials if t.index == index][:_MAX_STARTS]
+            plain = space.remove(bench.train, residuals(joined, bench.train))
+            joined = min((_resized(joined, t, plain, bench, space) for t in own), key=lambda option: option[0])[1]
         return [joined]
     if type(trials[0].effect).is_scanned:
         return [chain.with_effect(trial.effect) for trial in trials[:2]]
@@ -180,6 +192,24 @@ def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, spa
     options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
     best = sorted(options[1:], key=lambda option: _clear_error(option, bench, space))[:2]
     return [options[0], *best]
+
+
+def _resized(
+    chain: Chain, trial: Screened, plain: tuple[Array, ...], bench: Bench, space: Tangent
+) -> tuple[float, Chain]:
+    """Return the error of a trial of one record beside what was joined before it, sized to that, and the chain."""
+    option = chain.with_effect(sized(trial), trial.index)
+    left = space.remove(bench.train, residuals(option, bench.train))
+    gain = power = 0.0
+    for record, before, after in zip(bench.train, plain, left, strict=True):
+        signature = (before - after)[record.is_used]
+        gain += float(np.dot(before[record.is_used], signature))
+        power += float(np.dot(signature, signature))
+    error = squared_error(bench.train, left)
+    if not power > 0.0 or not gain > 0.0:
+        return error, option
+    again = replace(trial, amplitude=trial.amplitude * gain / power)
+    return squared_error(bench.train, plain) - gain**2 / power, chain.with_effect(sized(again), trial.index)
 
 
 def _asymmetric_starts(chain: Chain, trials: list[Screened]) -> list[Chain]:

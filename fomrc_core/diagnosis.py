@@ -9,7 +9,7 @@ model, in which case too few elements are a cause of their own); the search for 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -136,7 +136,7 @@ def diagnose(
     model: PiezoModel | None = None,
     excluded_causes: Sequence[str] = (),
     progress: Progress | None = None,
-    executor: Executor | None = None,
+    executor: ThreadPoolExecutor | None = None,
 ) -> Diagnosis:
     """Return what a simulation of the recordings gets wrong.
 
@@ -147,7 +147,7 @@ def diagnose(
         model: base model whose structure (its elements) is questioned; by default a fine grid of elements.
         excluded_causes: causes not to try.
         progress: called with the share done and what is being done.
-        executor: runs refits side by side.
+        executor: screens, simulates and refits side by side.
 
     Raises:
         RecordingError: a record nothing can be learnt from.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from fomrc_core.bench import Bench, learned_blocks
 from fomrc_core.chain import Chain, PreparedRecord
 from fomrc_core.contender import sized
 from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.refit import free_parameters, refit
+from fomrc_core.past_search import with_searched_past
+from fomrc_core.refit import Refit, free_parameters, refit, settle
 from fomrc_core.screening import screen
 
 _MAX_TRIALS = 12
@@ -35,6 +37,27 @@ def follow_held(chain: Chain, bench: Bench) -> Chain:
     return chain
 
 
+def sought_again(final: Refit, bench: Bench, cause: str, executor: Executor | None) -> Refit:
+    """Return the joint refit with an effect of single records sought anew in every record, where that is better.
+
+    The first search saw each record through a base that still bent to what the effect did in all of them.
+    """
+    if len(bench.train) < 2:
+        return final
+    chain = final.chain
+    for index, record in enumerate(bench.train):
+        if any(e.name == cause for e in chain.record_effects[index]):
+            now = replace(chain, record_effects=(chain.record_effects[index],))
+            anew = fit_one_record(chain.without(cause, index), record, index, {cause})
+            other = replace(anew, record_effects=(anew.record_effects[index],))
+            if _error(other, record) < _error(now, record):
+                chain = anew
+    if chain is final.chain:
+        return final
+    again = settle(chain, bench.train, executor)
+    return again if again.squared_error < final.squared_error else final
+
+
 def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[str]) -> Chain:
     """Return the chain with the record-bound effects of these kinds fitted to one record, all else held."""
     alone = replace(chain, record_effects=(chain.record_effects[index],))
@@ -44,6 +67,11 @@ def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[
         left = residuals(alone, (record,))
         trials = [s for s in screen(alone, (record,), frozen, left, 0.0, (name,)) if s.explained > 0.0]
         if not trials:
+            continue
+        pasts = [t.effect for t in trials if isinstance(t.effect, InitialState)]
+        if pasts:
+            start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
+            alone = min((alone, _refit_own(start, record)), key=lambda option: _error(option, record))
             continue
         # a signature is the effect's slope; how well an instance of full size does only its simulation tells
         options = [alone.with_effect(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]

@@ -18,7 +18,7 @@ from fomrc_core.contender import Contender, contenders_for, held_view
 from fomrc_core.effects import effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.noise import autocorrelation_inflation
-from fomrc_core.record_bound import follow_held
+from fomrc_core.record_bound import follow_held, sought_again
 from fomrc_core.refit import Refit, refit, settle
 from fomrc_core.screening import Screened, screen
 
@@ -101,7 +101,8 @@ def search(
         space = tangent(chain, bench.train)
         left = residuals(chain, bench.train)
         wanted = tuple(name for name in causes if name not in tried)
-        screened = tuple(screen(chain, bench.train, space, left, bench.noise_um, wanted, held_view(chain, bench)))
+        view = held_view(chain, bench)
+        screened = tuple(screen(chain, bench.train, space, left, bench.noise_um, wanted, view, executor))
         if len(steps) >= MAX_FINDINGS:
             break
         tell(share + 0.05, "refit of the likely causes")
@@ -123,17 +124,19 @@ def search(
         rivals = _rivals(accepted, contenders)
         steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
-        final = settle(accepted.fitted.chain, bench.train)
+        final = settle(accepted.fitted.chain, bench.train, executor)
+        if accepted.is_bound:
+            final = sought_again(final, bench, accepted.cause, executor)
         chain = follow_held(final.chain, bench)
-        steps, chain, final = _pruned(steps, chain, final, bench)
-        better = _better_rival(steps, chain, final, bench)
+        steps, chain, final = _pruned(steps, chain, final, bench, executor)
+        better = _better_rival(steps, chain, final, bench, executor)
         if better is not None:
             # with what was found since, another cause does better in its place: go on from there
             at, rival = better
             tell(share + 0.12, f"{rival.cause} in place of {steps[at].accepted.cause}, joint refit")
             steps = [*steps[:at], Step(steps[at].before, rival, (), ())]
             tried = {step.accepted.cause for step in steps}
-            final = settle(rival.fitted.chain, bench.train)
+            final = settle(rival.fitted.chain, bench.train, executor)
             chain = follow_held(final.chain, bench)
     return SearchResult(chain, tuple(steps), final, screened, runner_up)
 
@@ -196,17 +199,23 @@ def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, 
     )
 
 
-def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tuple[int, Contender] | None:
-    """Return the place of a finding, and the cause that does better in it beside all that was found since."""
+def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
+                  executor: Executor | None) -> tuple[int, Contender] | None:  # fmt: skip
+    """Return the place of a finding, and the cause that does better in it beside all that was found since.
+
+    A rival that was found later itself does better: what came before it may have stood in for it, and is asked again.
+    """
     for at, step in enumerate(steps[:-1]):
         name = step.accepted.cause
         for rival in step.rivals:
             if name == AsymmetricHysteresis.name or rival.cause == AsymmetricHysteresis.name:
                 continue  # its plays are columns, not an effect that can be exchanged
-            if not _has(chain, name) or _has(chain, rival.cause):
+            if not _has(chain, name):
                 continue
+            if _has(chain, rival.cause):
+                return at, rival
             effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
-            other = settle(chain.without(name).with_effect(effect), bench.train)
+            other = settle(chain.without(name).with_effect(effect), bench.train, executor)
             held = held_out_score(held_residuals(chain, bench.held), held_residuals(other.chain, bench.held))
             if _sure_gain(final, other, bench) > _TIE and held.log_gain > _PRUNED:
                 return at, rival
@@ -231,7 +240,7 @@ def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[
     space = tangent(base, bench.train)
     left = residuals(base, bench.train)
     wanted = tuple(name for name in causes if name != first.cause)
-    screened = tuple(screen(base, bench.train, space, left, bench.noise_um, wanted, held_view(base, bench)))
+    screened = tuple(screen(base, bench.train, space, left, bench.noise_um, wanted, held_view(base, bench), executor))
     seconds = contenders_for(base, bench, space, left, screened, executor)
     if not seconds:
         return None
@@ -241,21 +250,22 @@ def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[
     return first, replace(second, score=held_out_score(before, after))
 
 
-def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tuple[list[Step], Chain, Refit]:
+def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
+            executor: Executor | None) -> tuple[list[Step], Chain, Refit]:  # fmt: skip
     """Return what is left after every cause has been tested again; the last must have taught something as well."""
     for step in list(steps):
         name = step.accepted.cause
         is_last = step is steps[-1]
         if not _has(chain, name):
             continue
-        lesser = refit(chain.without(name), bench.train, n_iterations=6)
+        lesser = refit(chain.without(name), bench.train, n_iterations=6, executor=executor)
         train_gain = math.log(lesser.squared_error / final.squared_error)
         score = held_out_score(held_residuals(lesser.chain, bench.held), held_residuals(chain, bench.held))
         is_kept = score.log_gain >= _PRUNED or (is_last and score.is_worthwhile())
         is_own = any(e.name == name for own in chain.record_effects for e in own)
         if not is_kept and (train_gain < _PRUNED or not (is_own or is_last)):
             steps = [s for s in steps if s is not step]
-            final = settle(lesser.chain, bench.train)
+            final = settle(lesser.chain, bench.train, executor)
             chain = follow_held(final.chain, bench)
     errors = final.standard_errors(bench.train, residual_inflation(final, bench.train))
     for step in list(steps):
@@ -268,7 +278,7 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench) -> tupl
         # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
         if ratios and max(ratios) < _SURE and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
             steps = [s for s in steps if s is not step]
-            final = settle(chain.without(name), bench.train)
+            final = settle(chain.without(name), bench.train, executor)
             chain = follow_held(final.chain, bench)
     return steps, chain, final
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -78,7 +78,7 @@ def pairs(text: str, option: str) -> dict[str, str]:
 
 
 @contextmanager
-def worker_threads() -> Iterator[Executor | None]:
+def worker_threads() -> Iterator[ThreadPoolExecutor | None]:
     """Give one thread per processor to work in; None where there is one only.
 
     Kernels and linear algebra release the interpreter; processes would spend longer on passing the records' columns

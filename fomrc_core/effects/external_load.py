@@ -67,7 +67,10 @@ class ExternalLoad(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return the best single step and the best pulse of each record's residual, by cumulated sums."""
+        """Return the best single step and pulse of each record's residual, by cumulated sums, and the pulse's edges.
+
+        A base that has bent to a load that stayed leaves a short pulse of it.
+        """
         trials: list[Effect] = []
         for record in evidence.records:
             r = record.residual_um - np.mean(record.residual_um)
@@ -79,7 +82,8 @@ class ExternalLoad(Effect):
             trials.append(cls(float(step), float(record.time_s[onset])))
             start, stop, size = _best_pulse(total)
             if 0 < start < stop < n:
-                trials.append(cls(size, float(record.time_s[start]), float(record.time_s[stop])))
+                start_s, stop_s = float(record.time_s[start]), float(record.time_s[stop])
+                trials += [cls(size, start_s, stop_s), cls(size, start_s), cls(-size, stop_s)]
         return trials
 
 
