@@ -13,6 +13,8 @@ from fomrc_core.bench import Bench, lay_out
 from fomrc_core.chain import Chain
 from fomrc_core.columns import ColumnKinds
 from fomrc_core.contender import Contender
+from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.excitation import triangle
 from fomrc_core.recording import Recording
 from fomrc_core.refit import Refit
@@ -70,3 +72,13 @@ def test_rivals_are_those_that_did_nearly_as_well(bench: Bench) -> None:
     near = _contender(bench, "transport_delay", 4.16, 2.76)
     far = _contender(bench, "amplifier_bandwidth", 2.99, 2.03)
     assert [c.cause for c in search._rivals(first, [first, near, far])] == ["transport_delay"]
+
+
+def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(bench: Bench) -> None:
+    # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
+    first = _contender(bench, "mechanical_resonance", 3.91, 3.20, n_free=2)
+    rival = _contender(bench, "amplifier_bandwidth", 3.66, 3.19)
+    none_yet = first.fitted.chain.with_effect(MechanicalResonance(433.0, 0.68))
+    steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
+    both = none_yet.with_effect(AmplifierBandwidth(112.0))
+    assert search._better_rival(steps, both, first.fitted, bench, None) == (0, rival)
