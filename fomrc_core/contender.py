@@ -137,7 +137,7 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
                               hopeless_um2=_HOPELESS * least))  # fmt: skip
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
         return None
-    # twenty more weights must earn their keep
+    # as many more weights must earn their keep
     best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
     if best.squared_error < 0.5 * error or not best.is_converged:
         again = refit(rebased(best.chain, bench.train), bench.train, n_iterations=8)
