@@ -12,8 +12,11 @@ from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
-_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)
-_KNEE_SHARES = (0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92)
+_THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
+_KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
+_MANY_LOOPS = 10  # a sine makes 3 or 4, triangles, steps and a multisine together 15 to 26
+_FINE_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)
+_FINE_KNEE_SHARES = (0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92)
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,14 @@ class AsymmetricHysteresis(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return the whole family of one-sided plays over the drive's range, with zero weights, and warps alone."""
+        """Return the whole family of one-sided plays over the drive's range, with zero weights, and warps alone.
+
+        Where the drive makes few kinds of loops the family is small: what no loop has shown, a weight would invent.
+        """
         low, span = evidence.smallest_v, evidence.largest_v - evidence.smallest_v
-        pairs = [(span * t, low + span * k) for t in _THRESHOLD_SHARES for k in _KNEE_SHARES]
+        is_rich = evidence.n_loop_kinds >= _MANY_LOOPS
+        shares = _FINE_THRESHOLD_SHARES if is_rich else _THRESHOLD_SHARES
+        knees = _FINE_KNEE_SHARES if is_rich else _KNEE_SHARES
+        pairs = [(span * t, low + span * k) for t in shares for k in knees]
         family = cls(tuple(t for t, _ in pairs), tuple(k for _, k in pairs), (0.0,) * len(pairs))
         return [family, cls(warp_per_v=1e-3 / span), cls(warp_per_v2=1e-3 / span**2)]

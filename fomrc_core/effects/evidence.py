@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import find_peaks
 
 Array = NDArray[np.float64]
+
+_LEAST_TURN = 0.02  # of the range: less may be noise of a measured voltage
+_N_CELLS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,22 @@ class Evidence:
     def fastest_v_per_s(self) -> float:
         """Largest rate of the drive [V/s]."""
         return max(float(np.max(np.abs(np.diff(r.voltage_v) / r.steps_s[1:]))) for r in self.records)
+
+    @property
+    def n_loop_kinds(self) -> int:
+        """Number of kinds of sweeps between turning points of the drive, told apart by width and mean."""
+        low, span = self.smallest_v, self.largest_v - self.smallest_v
+        if not span > 0.0:
+            return 0
+        kinds: set[tuple[int, int]] = set()
+        for record in self.records:
+            share = (record.voltage_v - low) / span
+            turns = [find_peaks(way, prominence=_LEAST_TURN)[0] for way in (share, -share)]
+            ends = share[np.unique(np.concatenate(([0, share.size - 1], *turns)))]
+            width, mean = np.abs(np.diff(ends)), 0.5 * (ends[1:] + ends[:-1])
+            cells = np.minimum((_N_CELLS * np.column_stack((width, mean))).astype(int), _N_CELLS - 1)
+            kinds.update((int(w), int(m)) for w, m in cells)
+        return len(kinds)
 
     @property
     def stroke_um(self) -> float:
