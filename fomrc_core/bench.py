@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fomrc_core.base_fit import centred
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.effects import Effect
+from fomrc_core.effects.evidence import MANY_LOOPS, n_loop_kinds
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.recording import Recording
 from fomrc_core.residual import rms
@@ -49,6 +50,15 @@ class Bench:
     def n_records(self) -> int:
         """Number of all records, learnt from or not."""
         return 1 + max([len(self.train) - 1] + [h.index for h in (*self.held, *self.report)])
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether causes that fit alike can be told apart: by another record, or by loops of many kinds.
+
+        Blocks of a loop that only repeats, held out, say again what the others have said.
+        """
+        is_apart = any(part.index >= len(self.train) for part in self.held)
+        return is_apart or n_loop_kinds([record.voltage_v for record in self.train]) >= MANY_LOOPS
 
     @property
     def n_used(self) -> int:

@@ -46,6 +46,7 @@ class Contender:
         n_free: number of parameters it adds.
         is_plausible: whether the records can show it with the parameters found.
         is_bound: whether its parameters belong to single records.
+        is_told: whether the records can tell it from others: one-sided plays bend to any lag in a loop that repeats.
     """
 
     cause: str
@@ -56,6 +57,7 @@ class Contender:
     n_free: int
     is_plausible: bool = True
     is_bound: bool = False
+    is_told: bool = True
 
     @property
     def total_gain(self) -> float:
@@ -150,7 +152,8 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     is_plausible = is_plausible and (not bound or _is_confirmed(fitted, bench, cause))
     train_gain = math.log(error / fitted.squared_error)
     score = held_out_score(before, after)
-    return Contender(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound)
+    is_told = kind is not AsymmetricHysteresis or bench.is_telling
+    return Contender(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_told)
 
 
 def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:

@@ -122,6 +122,8 @@ def search(
         tied = _tied(accepted, contenders, bench)
         tried.add(accepted.cause)
         rivals = _rivals(accepted, contenders)
+        if not bench.is_telling:
+            tied += [rival for rival in rivals if rival not in tied]
         steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         final = settle(accepted.fitted.chain, bench.train, executor)
@@ -144,6 +146,7 @@ def search(
 def _is_accepted(contender: Contender, n_causes: int) -> bool:
     return (
         contender.is_plausible
+        and contender.is_told
         and contender.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
         and contender.score.p_value < _SIGNIFICANCE / n_causes
         and contender.score.is_worthwhile()

@@ -8,13 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.evidence import MANY_LOOPS, Evidence
 from fomrc_core.effects.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
 _THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
 _KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
-_MANY_LOOPS = 10  # a sine makes 3 or 4, triangles, steps and a multisine together 15 to 26
 _FINE_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)
 _FINE_KNEE_SHARES = (0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92)
 
@@ -108,7 +107,7 @@ class AsymmetricHysteresis(Effect):
         Where the drive makes few kinds of loops the family is small: what no loop has shown, a weight would invent.
         """
         low, span = evidence.smallest_v, evidence.largest_v - evidence.smallest_v
-        is_rich = evidence.n_loop_kinds >= _MANY_LOOPS
+        is_rich = evidence.n_loop_kinds >= MANY_LOOPS
         shares = _FINE_THRESHOLD_SHARES if is_rich else _THRESHOLD_SHARES
         knees = _FINE_KNEE_SHARES if is_rich else _KNEE_SHARES
         pairs = [(span * t, low + span * k) for t in shares for k in knees]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ Array = NDArray[np.float64]
 
 _LEAST_TURN = 0.02  # of the range: less may be noise of a measured voltage
 _N_CELLS = 8
+MANY_LOOPS = 10  # a sine makes up to 4 kinds, triangles, steps and a multisine together 15 to 26
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,21 +73,26 @@ class Evidence:
 
     @property
     def n_loop_kinds(self) -> int:
-        """Number of kinds of sweeps between turning points of the drive, told apart by width and mean."""
-        low, span = self.smallest_v, self.largest_v - self.smallest_v
-        if not span > 0.0:
-            return 0
-        kinds: set[tuple[int, int]] = set()
-        for record in self.records:
-            share = (record.voltage_v - low) / span
-            turns = [find_peaks(way, prominence=_LEAST_TURN)[0] for way in (share, -share)]
-            ends = share[np.unique(np.concatenate(([0, share.size - 1], *turns)))]
-            width, mean = np.abs(np.diff(ends)), 0.5 * (ends[1:] + ends[:-1])
-            cells = np.minimum((_N_CELLS * np.column_stack((width, mean))).astype(int), _N_CELLS - 1)
-            kinds.update((int(w), int(m)) for w, m in cells)
-        return len(kinds)
+        """Number of kinds of loops of the drive."""
+        return n_loop_kinds([record.voltage_v for record in self.records])
 
     @property
     def stroke_um(self) -> float:
         """Range of the predicted displacement [um]."""
         return max(float(np.ptp(record.predicted_um)) for record in self.records)
+
+
+def n_loop_kinds(voltages_v: Sequence[Array]) -> int:
+    """Return the number of kinds of sweeps between turning points of drives [V], told apart by width and mean."""
+    low, high = min(float(np.min(v)) for v in voltages_v), max(float(np.max(v)) for v in voltages_v)
+    if not high > low:
+        return 0
+    kinds: set[tuple[int, int]] = set()
+    for voltage_v in voltages_v:
+        share = (voltage_v - low) / (high - low)
+        turns = [find_peaks(way, prominence=_LEAST_TURN)[0] for way in (share, -share)]
+        ends = share[np.unique(np.concatenate(([0, share.size - 1], *turns)))]
+        width, mean = np.abs(np.diff(ends)), 0.5 * (ends[1:] + ends[:-1])
+        cells = np.minimum((_N_CELLS * np.column_stack((width, mean))).astype(int), _N_CELLS - 1)
+        kinds.update((int(w), int(m)) for w, m in cells)
+    return len(kinds)

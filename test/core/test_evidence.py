@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from fomrc_core.acceptance import held_out_score
 from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects.evidence import n_loop_kinds
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.errors import ParameterError
@@ -83,3 +84,15 @@ def test_the_slew_limit_is_exact_whatever_the_step() -> None:
         output += min(max(value - output, -0.4e-4), 0.4e-4)
         brute[k] = output
     np.testing.assert_allclose(by_step, brute[999::1000], atol=2e-4)
+
+
+def test_loops_are_counted_by_kind_not_by_number() -> None:
+    t = np.arange(20_000) / 500.0
+    sine = 1.8 - 1.8 * np.cos(2.0 * np.pi * t)
+    noisy = sine + np.random.default_rng(1).normal(0.0, 5e-3, t.size)
+    assert n_loop_kinds([sine]) <= n_loop_kinds([noisy]) <= 4
+    assert n_loop_kinds([sine, sine]) == n_loop_kinds([sine])
+    fading = 1.8 + 1.8 * np.exp(-t / 15.0) * np.cos(2.0 * np.pi * t)
+    stairs = np.repeat(np.random.default_rng(2).uniform(0.0, 3.6, 40), 500)
+    assert n_loop_kinds([sine]) < n_loop_kinds([fading]) < n_loop_kinds([fading, stairs])
+    assert n_loop_kinds([np.ones(10)]) == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,3 +83,9 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(bench: Bench
     steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
     both = none_yet.with_effect(AmplifierBandwidth(112.0))
     assert search._better_rival(steps, both, first.fitted, bench, None) == (0, rival)
+
+
+def test_what_a_repeated_loop_cannot_tell_is_not_accepted(bench: Bench) -> None:
+    bent = _contender(bench, "asymmetric_hysteresis", 2.7, 2.1)
+    assert search._is_accepted(bent, 18)
+    assert not search._is_accepted(replace(bent, is_told=False), 18)
