@@ -131,7 +131,7 @@ def search(
             final = sought_again(final, bench, accepted.cause, executor)
         chain = follow_held(final.chain, bench)
         steps, chain, final = _pruned(steps, chain, final, bench, executor)
-        better = _better_rival(steps, chain, final, bench, executor)
+        better = _better_rival(steps, chain, final, bench, causes, executor)
         if better is not None:
             # with what was found since, another cause does better in its place: go on from there
             at, rival = better
@@ -203,10 +203,11 @@ def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, 
 
 
 def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
-                  executor: Executor | None) -> tuple[int, Contender] | None:  # fmt: skip
+                  causes: tuple[str, ...], executor: Executor | None) -> tuple[int, Contender] | None:  # fmt: skip
     """Return the place of a finding, and the cause that does better in it beside all that was found since.
 
-    A rival that was found later itself does better: what came before it may have stood in for it, and is asked again.
+    Where a rival was found later itself, the finding may have stood in for a third cause: the rival goes first if the
+    cause that is then found beside it does better than all that has been found.
     """
     for at, step in enumerate(steps[:-1]):
         name = step.accepted.cause
@@ -216,9 +217,14 @@ def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
             if not _has(chain, name):
                 continue
             if _has(chain, rival.cause):
-                return at, rival
-            effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
-            other = settle(chain.without(name).with_effect(effect), bench.train, executor)
+                second = _best_beside(rival, bench, causes, executor)
+                if second is None or second.cause == name:
+                    continue
+                start = second.fitted.chain
+            else:
+                effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
+                start = chain.without(name).with_effect(effect)
+            other = settle(start, bench.train, executor)
             held = held_out_score(held_residuals(chain, bench.held), held_residuals(other.chain, bench.held))
             if _sure_gain(final, other, bench) > _TIE and held.log_gain > _PRUNED:
                 return at, rival
@@ -239,18 +245,24 @@ def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[
     """Return a first contender and a second one that together gain on held-out data, where one alone does not."""
     if first.train_log_gain < WORTHWHILE_LOG_GAIN or first.score.log_gain < -WORTHWHILE_LOG_GAIN:
         return None
+    second = _best_beside(first, bench, causes, executor)
+    if second is None:
+        return None
+    before = held_residuals(chain, bench.held)
+    after = held_residuals(second.fitted.chain, bench.held)
+    return first, replace(second, score=held_out_score(before, after))
+
+
+def _best_beside(
+    first: Contender, bench: Bench, causes: tuple[str, ...], executor: Executor | None
+) -> Contender | None:
+    """Return the contender that gains most beside a first one."""
     base = first.fitted.chain
     space = tangent(base, bench.train)
     left = residuals(base, bench.train)
     wanted = tuple(name for name in causes if name != first.cause)
     screened = tuple(screen(base, bench.train, space, left, bench.noise_um, wanted, held_view(base, bench), executor))
-    seconds = contenders_for(base, bench, space, left, screened, executor)
-    if not seconds:
-        return None
-    second = seconds[0]
-    before = held_residuals(chain, bench.held)
-    after = held_residuals(second.fitted.chain, bench.held)
-    return first, replace(second, score=held_out_score(before, after))
+    return next(iter(contenders_for(base, bench, space, left, screened, executor)), None)
 
 
 def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench,

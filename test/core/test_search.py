@@ -75,14 +75,30 @@ def test_rivals_are_those_that_did_nearly_as_well(bench: Bench) -> None:
     assert [c.cause for c in search._rivals(first, [first, near, far])] == ["transport_delay"]
 
 
-def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(bench: Bench) -> None:
+def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
     first = _contender(bench, "mechanical_resonance", 3.91, 3.20, n_free=2)
     rival = _contender(bench, "amplifier_bandwidth", 3.66, 3.19)
     none_yet = first.fitted.chain.with_effect(MechanicalResonance(433.0, 0.68))
     steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
     both = none_yet.with_effect(AmplifierBandwidth(112.0))
-    assert search._better_rival(steps, both, first.fitted, bench, None) == (0, rival)
+    plain = first.fitted.chain
+    poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
+
+    def better(beside: Contender, settled: Refit) -> tuple[int, Contender] | None:
+        monkeypatch.setattr(search, "_best_beside", lambda *_: beside)
+        monkeypatch.setattr(search, "settle", lambda *_: settled)
+        gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
+        monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
+        return search._better_rival(steps, both, poor, bench, (), None)
+
+    delay = _contender(bench, "transport_delay", 6.0, 6.0)
+    assert better(delay, replace(good, chain=plain)) == (0, rival)
+    assert better(delay, replace(poor, chain=plain)) is None
+    # the same two in another order: nothing gained
+    assert better(first, replace(good, chain=plain)) is None
 
 
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(bench: Bench) -> None:
