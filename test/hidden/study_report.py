@@ -126,7 +126,7 @@ def bars(groups: dict[str, list[Outcome]]) -> list[str]:
     if timing := groups.get("timing"):
         times = [o["wall_s"] for o in timing if "wall_s" in o]
         row(
-            "time, 90 000 samples, 2 processes",
+            "time, 90 000 samples, 2 threads",
             "<= 30 s",
             ", ".join(f"{t:.0f} s" for t in times) or "failed",
             bool(times) and len(times) == len(timing) and max(times) <= 30.0,
