@@ -29,25 +29,20 @@ def with_searched_past(chain: Chain, index: int, trials: list[InitialState],
         trials: where to search from.
         error_of: sum of squares a chain leaves [um^2].
     """
-    found = [(error_of(with_trial), with_trial, trial)
-             for trial in trials for with_trial in (chain.with_effect(trial, index),)]  # fmt: skip
-    best_of_side: dict[bool, tuple[float, Chain, InitialState]] = {}
-    for each in sorted(found, key=lambda option: option[0]):
-        best_of_side.setdefault(each[2].extreme_v > each[2].resting_v, each)
-    searched = [_searched(each, index, error_of) for each in best_of_side.values()]
-    return min(searched, key=lambda option: option[0])[1]
+
+    def error_with(past: InitialState) -> float:
+        return error_of(chain.with_effect(past, index))
+
+    sides = [[past for past in trials if (past.extreme_v > past.resting_v) is is_above] for is_above in (True, False)]
+    begun = [min(side, key=error_with) for side in sides if side]
+    searched = [_searched(past, error_with) for past in begun]
+    return chain.with_effect(min(searched, key=error_with), index)
 
 
-def _searched(
-    best: tuple[float, Chain, InitialState], index: int, error_of: Callable[[Chain], float]
-) -> tuple[float, Chain, InitialState]:
+def _searched(best: InitialState, error_with: Callable[[InitialState], float]) -> InitialState:
     for _ in range(_N_SWEEPS):
         for variants in (_excursions, _rests, _holds):
-            for past in variants(best[2]):
-                chain = best[1].with_effect(past, index)
-                error = error_of(chain)
-                if error < best[0]:
-                    best = (error, chain, past)
+            best = min((best, *variants(best)), key=error_with)
     return best
 
 
