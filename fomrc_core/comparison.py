@@ -29,6 +29,7 @@ from fomrc_core.baselines.rival import (
 from fomrc_core.errors import FomrcError
 from fomrc_core.model import PiezoModel
 from fomrc_core.recording import Recording
+from fomrc_core.storage import make_directory
 
 Array = NDArray[np.float64]
 
@@ -186,7 +187,7 @@ def write_comparison(comparison: Comparison, directory: Path) -> None:
     """Write comparison.md, comparison.json, comparison.png and comparison.svg."""
     from fomrc_core.comparison_figure import comparison_figure
 
-    directory.mkdir(parents=True, exist_ok=True)
+    make_directory(directory)
     (directory / "comparison.md").write_text(comparison.table() + "\n", encoding="utf-8")
     text = json.dumps(comparison.to_mapping(), indent=2, allow_nan=False)
     (directory / "comparison.json").write_text(text + "\n", encoding="utf-8")

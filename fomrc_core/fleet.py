@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fomrc_core.errors import FomrcError, ParameterError
+from fomrc_core.storage import make_directory, read_recording, write_model, write_text
 
 RESULT_SUFFIX = ".fit.json"
 MODEL_SUFFIX = ".model.yaml"
@@ -116,8 +117,7 @@ def identify_fleet(recordings: Sequence[Path], output: Path, *, options: FleetOp
             raise ParameterError("two recordings of one name", where="recordings", value=name, allowed="each name once")
     if n_workers is not None and n_workers < 1:
         raise ParameterError("number of workers out of range", where="n_workers", value=n_workers, allowed="1 or more")
-    output = Path(output).absolute()
-    output.mkdir(parents=True, exist_ok=True)
+    output = make_directory(Path(output).absolute())
     tell = progress or (lambda _share, _text: None)
     results: dict[str, FleetRecord] = {}
     waiting = []
@@ -173,7 +173,6 @@ def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executo
 def identify_record(recording: str, output: str, options: FleetOptions) -> FleetRecord:
     """Identify one record and write its files; the work of one worker. Never raises for a bad record."""
     from fomrc_core.identification import identify
-    from fomrc_core.storage import read_recording, write_model
 
     path, folder = Path(recording), Path(output)
     try:
@@ -198,8 +197,6 @@ def _failed(path: Path, folder: Path, options: FleetOptions, reason: str) -> Fle
 
 
 def _write_result(path: Path, folder: Path, options: FleetOptions, content: dict[str, Any]) -> None:
-    from fomrc_core.storage import write_text
-
     content = {"recording": path.name, "fingerprint": _fingerprint(path, options), **content}
     write_text(json.dumps(content, indent=2) + "\n", folder / f"{path.name}{RESULT_SUFFIX}")
 

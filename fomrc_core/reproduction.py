@@ -32,6 +32,7 @@ from fomrc_core.reproduction_claims import (
 from fomrc_core.reproduction_identification import Identified, StartStudy, identification_runs, start_study
 from fomrc_core.reproduction_page import page
 from fomrc_core.simulated_rig import SimulatedRig
+from fomrc_core.storage import make_directory
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,7 @@ def reproduce(
         progress: called with the share done and what is being done.
         n_starts: random starts of the study of (34).
     """
-    directory = Path(output_directory)
-    directory.mkdir(parents=True, exist_ok=True)
+    directory = make_directory(Path(output_directory))
     begun = time.perf_counter()
     tell = progress or (lambda share, text: None)
 

@@ -46,7 +46,6 @@ def draw_linearity(axes: Axes, compensated: Response, uncompensated: Response) -
 
 def save_figures(tracking: tuple[Response, Response], triangle: tuple[Response, Response], folder: Path) -> list[Path]:
     """Save both figures, and the two side by side as one picture; each pair is with, without compensation."""
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "figure_15_tracking.png", folder / "figure_16_linearity.png", folder / "demo.png"]
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout="constrained")
     draw_tracking(top, bottom, *tracking)

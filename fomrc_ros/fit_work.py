@@ -151,13 +151,12 @@ def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
     """Diagnose the recordings, write report and extended model, and return the summary in one line."""
     from fomrc_core.diagnosis import diagnose as find_causes
     from fomrc_core.report import write_report
-    from fomrc_core.storage import read_model
+    from fomrc_core.storage import make_directory, read_model
 
+    folder = make_directory(Path(request.output_folder), where="output_folder")
     tell(0.0, "reading")
     recordings, test = read_files(request.recordings)
     model = read_model(Path(request.model_path)) if request.model_path else None
     found = find_causes(recordings, test=test, model=model, progress=tell)
-    folder = Path(request.output_folder)
-    folder.mkdir(parents=True, exist_ok=True)
     write_report(found, folder)
     return " ".join(str(found.summary()).split())
