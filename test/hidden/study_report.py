@@ -119,7 +119,7 @@ def bars(groups: dict[str, list[Outcome]]) -> list[str]:
         row(
             "held-out error over the true noise, `explained` cases",
             "<= 1.2",
-            f"median {np.median(ratios):.2f}, largest {ratios.max():.2f}, {np.mean(ratios <= 1.2) * 100:.0f} % within",
+            f"median {np.median(ratios):.2f}, largest {ratios.max():.3f}, {np.sum(ratios <= 1.2)}/{ratios.size} within",
             bool(np.all(ratios <= 1.2)),
             explained,
         )
@@ -148,13 +148,19 @@ def bars(groups: dict[str, list[Outcome]]) -> list[str]:
     return rows
 
 
+def _parts(cases: Counter[str]) -> str:
+    return ", ".join(f"{n} {part}" for part, n in cases.items())
+
+
 def write(outcomes: list[Outcome], folder: Path) -> Path:
     """Write study.md and the confusion matrix into a folder, from whatever outcomes there are."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(outcome["spec"]["part"], []).append(outcome)
     folder.mkdir(parents=True, exist_ok=True)
-    states = Counter(o["source"] for o in outcomes)
+    states: dict[str, Counter[str]] = {}
+    for outcome in outcomes:
+        states.setdefault(outcome["source"], Counter())[outcome["spec"]["part"]] += 1
     times = [o["wall_s"] for part in ("null", "single", "pairs") for o in groups.get(part, []) if "wall_s" in o]
     n_errors = sum(o["status"] == "error" for o in outcomes)
     lines = [
@@ -162,7 +168,7 @@ def write(outcomes: list[Outcome], folder: Path) -> Path:
         "",
         f"Made by `make study` (test/hidden/study.py) from {len(outcomes)} cases; {n_errors} broke off.",
         "The truth that hides the effects shares no code and no form with the product (test/hidden/).",
-        f"State of the product's source: {', '.join(f'{s} ({n} cases)' for s, n in states.items())}.",
+        f"State of the product's source: {'; '.join(f'{s} ({_parts(c)})' for s, c in states.items())}.",
         "",
         *bars(groups),
     ]
