@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.node import Node
@@ -114,6 +115,9 @@ class Driver(Node):
         self._seen: dict[str, list[tuple[float, float]]] = {COMPENSATED: [], UNCOMPENSATED: []}
         for axis, seen in self._seen.items():
             self.create_subscription(JointState, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT)
+        # Only the nodes themselves know whether they hear each other.
+        self._told: dict[str, dict[str, str]] = {}
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._sent: list[tuple[float, float]] = []
         self._target: Array | None = None
         self._next = 0
@@ -124,9 +128,12 @@ class Driver(Node):
 
     @property
     def is_ready(self) -> bool:
-        """Whether both axes answer."""
-        has_listeners = self._position.get_subscription_count() > 0 and self._voltage.get_subscription_count() > 0
-        return has_listeners and all(self._seen.values())
+        """Whether every link holds: target to compensator, voltages to both stages, displacements back."""
+        has_target = self._told.get(f"{COMPENSATED}/compensator", {}).get("target_um", "none") != "none"
+        has_voltage = all(
+            int(self._told.get(f"{axis}/simulated_pea", {}).get("voltage_messages", 0)) > 0 for axis in self._seen
+        )
+        return has_target and has_voltage and all(self._seen.values())
 
     def wait_until_ready(self, executor: object, check: Callable[[], None]) -> None:
         """Wait for both axes; ``check`` raises where there is nothing left to wait for.
@@ -159,6 +166,10 @@ class Driver(Node):
         time_s, measured_um = seen[inside, 0], seen[inside, 1]
         gap_s = max(float(np.max(np.diff(sent[:, 0]))), float(np.max(np.diff(time_s))))
         return Response(time_s - sent[0, 0], np.interp(time_s, sent[:, 0], sent[:, 1]), measured_um, gap_s)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._told[status.name.lstrip("/")] = {pair.key: pair.value for pair in status.values}
 
     def _recorder(self, seen: list[tuple[float, float]]) -> Callable[[JointState], None]:
         # By the stage's own stamps: when this process gets to read a message says nothing about the stage.

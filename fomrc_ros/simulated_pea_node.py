@@ -82,6 +82,7 @@ class SimulatedPea(Node):
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])
         self._voltage_v = 0.0
+        self._n_voltages = 0
         self._n_refused = 0
         self._refusal = ""
         self._displacement_um = 0.0
@@ -135,6 +136,7 @@ class SimulatedPea(Node):
     def _on_voltage(self, message: Float64) -> None:
         try:
             self._voltage_v = voltage_from_message(message)
+            self._n_voltages += 1
         except InputError as error:
             self._n_refused += 1
             self._refusal = str(error)
@@ -161,6 +163,7 @@ class SimulatedPea(Node):
                 "largest_gap_ms": 1e3 * timing.latest_s,
                 "step_mean_us": 1e6 * timing.busy_mean_s,
                 "voltage_v": self._voltage_v,
+                "voltage_messages": self._n_voltages,
                 "displacement_um": self._displacement_um,
                 "refused_messages": self._n_refused,
                 "last_refusal": self._refusal,
