@@ -30,7 +30,12 @@ class NoiseFloor:
     @property
     def floor_um(self) -> float:
         """The repeats where there are any, for they see slow noise too; else the differences."""
-        return self.repeats_um if np.isfinite(self.repeats_um) else self.differences_um
+        return self.repeats_um if self.sees_slow_noise else self.differences_um
+
+    @property
+    def sees_slow_noise(self) -> bool:
+        """Whether the floor has the slow part of the noise in it: differences alone leave it out."""
+        return bool(np.isfinite(self.repeats_um))
 
 
 def noise_floor(recordings: list[Recording] | tuple[Recording, ...]) -> NoiseFloor:
