@@ -10,11 +10,12 @@ import numpy as np
 from fomrc_core.acceptance import WORTHWHILE_LOG_GAIN
 from fomrc_core.bench import Bench, held_residuals
 from fomrc_core.chain import Chain
+from fomrc_core.choice import residual_inflation
 from fomrc_core.effects import Effect, effect_classes
 from fomrc_core.refit import Refit
 from fomrc_core.residual import rms
 from fomrc_core.screening import Screened
-from fomrc_core.search import Step, residual_inflation
+from fomrc_core.search import Step
 
 Values = Mapping[str, float | list[float]]
 
@@ -53,6 +54,8 @@ class Finding:
                 shown.append(f"{name}: {len(value)} values")
                 continue
             error = self.standard_errors.get(name)
+            if error is None and value == getattr(effect_classes()[self.cause], name, None):
+                continue  # a part of the effect that is not in use
             shown.append(f"{name} {value:.5g}" + (f" +- {error:.2g}" if error is not None else ""))
         return (f"{self.cause} ({', '.join(shown)}): held-out error {self.nrmse_percent_test_before:.4g} % -> "
                 f"{self.nrmse_percent_test_after:.4g} %")  # fmt: skip

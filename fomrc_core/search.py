@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.acceptance import WORTHWHILE_LOG_GAIN, held_out_score, loses_to
+from fomrc_core.acceptance import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.base_fit import residuals, tangent
 from fomrc_core.bench import Bench, held_residuals
-from fomrc_core.chain import Chain, PreparedRecord
+from fomrc_core.chain import Chain
+from fomrc_core.choice import SURE, is_accepted, likelier, residual_inflation, rivals_of, still_tied, sure_gain, ties_of
 from fomrc_core.contender import Contender, contenders_for, held_view
 from fomrc_core.effects import effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.noise import autocorrelation_inflation
 from fomrc_core.record_bound import follow_held, sought_again
 from fomrc_core.refit import Refit, refit, settle
 from fomrc_core.screening import Screened, screen
@@ -26,13 +26,8 @@ Array = NDArray[np.float64]
 
 MAX_FINDINGS = 5
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
-_SIGNIFICANCE = 0.01
-_TIE = 10.0
-_NEARLY, _HARDLY = 0.35, 0.15  # in the logarithm of the mean squared error
-_TIE_P_VALUE = 0.05
 _SURE = 3.0
 _PRUNED = 0.03
-_LEAST_LEARNT = 0.003
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +47,10 @@ class Step:
     tied: tuple[str, ...]
     tied_chains: tuple[Chain, ...]
     rivals: tuple[Contender, ...] = ()
+
+    def tied_with(self, tied: list[Contender]) -> Step:
+        """Return the step with these ties."""
+        return replace(self, tied=tuple(c.cause for c in tied), tied_chains=tuple(c.fitted.chain for c in tied))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +106,10 @@ def search(
             break
         tell(share + 0.05, "refit of the likely causes")
         contenders = contenders_for(chain, bench, space, left, screened, executor)
-        accepted = next((c for c in contenders if _is_accepted(c, len(causes))), None)
+        accepted = next((c for c in contenders if is_accepted(c, len(causes))), None)
         if accepted is None and contenders:
             pair = _second_of_pair(chain, contenders[0], bench, wanted, executor)
-            if pair is not None and _is_accepted(pair[1], len(causes)):
+            if pair is not None and is_accepted(pair[1], len(causes)):
                 first, second = pair
                 tried.add(first.cause)
                 steps.append(Step(chain, replace(first, score=second.score), (), ()))
@@ -118,19 +117,21 @@ def search(
         if accepted is None:
             runner_up = contenders[0] if contenders else None
             break
-        accepted = _likelier(accepted, contenders, bench, len(causes))
-        tied = _tied(accepted, contenders, bench)
+        accepted = likelier(accepted, contenders, bench, len(causes))
+        tied = ties_of(accepted, contenders, bench)
         tried.add(accepted.cause)
-        rivals = _rivals(accepted, contenders)
+        rivals = rivals_of(accepted, contenders)
         if not bench.is_telling:
             tied += [rival for rival in rivals if rival not in tied]
-        steps.append(Step(chain, accepted, tuple(c.cause for c in tied), tuple(c.fitted.chain for c in tied), rivals))
+        steps.append(Step(chain, accepted, (), (), rivals).tied_with(tied))
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         final = settle(accepted.fitted.chain, bench.train, executor)
         if accepted.is_bound:
             final = sought_again(final, bench, accepted.cause, executor)
         chain = follow_held(final.chain, bench)
         steps, chain, final = _pruned(steps, chain, final, bench, executor)
+        if accepted.is_bound and steps and steps[-1].accepted is accepted:
+            steps[-1] = steps[-1].tied_with(still_tied(chain, tied, bench))
         better = _better_rival(steps, chain, final, bench, causes, executor)
         if better is not None:
             # with what was found since, another cause does better in its place: go on from there
@@ -141,65 +142,6 @@ def search(
             final = settle(rival.fitted.chain, bench.train, executor)
             chain = follow_held(final.chain, bench)
     return SearchResult(chain, tuple(steps), final, screened, runner_up)
-
-
-def _is_accepted(contender: Contender, n_causes: int) -> bool:
-    return (
-        contender.is_plausible
-        and contender.is_told
-        and contender.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
-        and contender.score.p_value < _SIGNIFICANCE / n_causes
-        and contender.score.is_worthwhile()
-    )
-
-
-def _likelier(winner: Contender, contenders: list[Contender], bench: Bench, n_causes: int) -> Contender:
-    """Return the contender that is surely likelier with no more parameters, unless held-out data speak up against it.
-
-    How well the base itself carries over to held-out data differs from fit to fit: a little after a rich drive, much
-    after a poor one, so that the two gains are weighed against each other.
-    """
-    for other in contenders:
-        if other is winner or other.is_bound or other.cause == AsymmetricHysteresis.name:
-            continue
-        learnt = other.train_log_gain - winner.train_log_gain
-        lost = winner.score.log_gain - other.score.log_gain
-        if other.n_free > winner.n_free or learnt < 0.0 or lost > max(learnt, _HARDLY):
-            continue
-        if _is_accepted(other, n_causes) and _sure_gain(winner.fitted, other.fitted, bench) > _TIE:
-            return other
-    return winner
-
-
-def _tied(winner: Contender, contenders: list[Contender], bench: Bench) -> list[Contender]:
-    n_effective = _n_effective(winner.fitted, bench)
-    tied = []
-    for other in contenders:
-        if other is winner:
-            continue
-        if not other.score.is_worthwhile() or not other.is_plausible:
-            continue
-        loss = n_effective * math.log(other.fitted.squared_error / winner.fitted.squared_error)
-        same_shape = len(other.held) == len(winner.held) and all(
-            a.size == b.size for a, b in zip(other.held, winner.held, strict=True)
-        )
-        if loss < _TIE and (not same_shape or loses_to(list(winner.held), list(other.held)) > _TIE_P_VALUE):
-            tied.append(other)
-    return tied
-
-
-def _rivals(winner: Contender, contenders: list[Contender]) -> tuple[Contender, ...]:
-    """Return the contenders that did nearly as well."""
-    return tuple(
-        other
-        for other in contenders
-        if other is not winner
-        and other.is_plausible
-        and not other.is_bound
-        and other.score.is_worthwhile()
-        and other.score.log_gain > winner.score.log_gain - _NEARLY
-        and other.train_log_gain > winner.train_log_gain - _NEARLY
-    )
 
 
 def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
@@ -226,18 +168,9 @@ def _better_rival(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
                 start = chain.without(name).with_effect(effect)
             other = settle(start, bench.train, executor)
             held = held_out_score(held_residuals(chain, bench.held), held_residuals(other.chain, bench.held))
-            if _sure_gain(final, other, bench) > _TIE and held.log_gain > _PRUNED:
+            if sure_gain(final, other, bench) > SURE and held.log_gain > _PRUNED:
                 return at, rival
     return None
-
-
-def _sure_gain(final: Refit, other: Refit, bench: Bench) -> float:
-    """Return the gain of another fit in log likelihood, its samples counted as independent ones."""
-    return _n_effective(other, bench) * math.log(final.squared_error / other.squared_error)
-
-
-def _n_effective(fitted: Refit, bench: Bench) -> float:
-    return bench.n_used / residual_inflation(fitted, bench.train)
 
 
 def _second_of_pair(chain: Chain, first: Contender, bench: Bench, causes: tuple[str, ...],
@@ -296,11 +229,6 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
             final = settle(chain.without(name), bench.train, executor)
             chain = follow_held(final.chain, bench)
     return steps, chain, final
-
-
-def residual_inflation(final: Refit, records: tuple[PreparedRecord, ...]) -> float:
-    """Return by how much correlation of what is left widens standard errors."""
-    return max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(final.residual, records, strict=True))
 
 
 def _has(chain: Chain, name: str) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core import search
+from fomrc_core import choice, search
 from fomrc_core.acceptance import HeldOutScore
 from fomrc_core.bench import Bench, lay_out
 from fomrc_core.chain import Chain
@@ -45,7 +45,7 @@ def _contender(bench: Bench, cause: str, train_gain: float, held_gain: float, n_
 
 
 def _named(bench: Bench, first: Contender, *others: Contender) -> str:
-    return search._likelier(first, [first, *others], bench, 18).cause
+    return choice.likelier(first, [first, *others], bench, 18).cause
 
 
 def test_after_a_poor_drive_what_reaches_the_noise_in_training_is_taken(bench: Bench) -> None:
@@ -72,7 +72,7 @@ def test_rivals_are_those_that_did_nearly_as_well(bench: Bench) -> None:
     first = _contender(bench, "mechanical_resonance", 4.15, 2.77, n_free=2)
     near = _contender(bench, "transport_delay", 4.16, 2.76)
     far = _contender(bench, "amplifier_bandwidth", 2.99, 2.03)
-    assert [c.cause for c in search._rivals(first, [first, near, far])] == ["transport_delay"]
+    assert [c.cause for c in choice.rivals_of(first, [first, near, far])] == ["transport_delay"]
 
 
 def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
@@ -103,5 +103,5 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
 
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(bench: Bench) -> None:
     bent = _contender(bench, "asymmetric_hysteresis", 2.7, 2.1)
-    assert search._is_accepted(bent, 18)
-    assert not search._is_accepted(replace(bent, is_told=False), 18)
+    assert choice.is_accepted(bent, 18)
+    assert not choice.is_accepted(replace(bent, is_told=False), 18)
