@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.acceptance import HeldOutScore, held_out_score
-from fomrc_core.base_fit import Tangent, rebased, residuals, squared_error, tangent
-from fomrc_core.bench import Bench, HeldOut, held_blocks, held_residuals, learned_blocks, starts_unsure, with_own
-from fomrc_core.chain import Chain, predict
-from fomrc_core.effects import Effect, effect_classes
+from fomrc_core.base_fit import Tangent, rebased, squared_error
+from fomrc_core.bench import Bench, HeldOut, held_blocks, held_residuals, learned_blocks
+from fomrc_core.chain import Chain, PreparedRecord, predict
+from fomrc_core.effects import effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.fit_starts import clear_error, fit_starts, scanned, start_variants
+from fomrc_core.leverage import determined
 from fomrc_core.noise import autocorrelation_inflation
-from fomrc_core.past_search import with_searched_past
-from fomrc_core.refit import FreeParameter, Refit, free_parameters, refit, scan
-from fomrc_core.screening import HeldView, Screened, family_columns
+from fomrc_core.refit import Refit, free_parameters, refit
+from fomrc_core.screening import HeldView, Screened
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,8 @@ _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correla
 _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
 _CLOSE_TO_BEST = 0.2
 _TRAINING_COUNTS = 0.3
-_MAX_STARTS = 12
 _RICH_PENALTY = 1.02
+_LEAST_SCORED = 0.3  # of the held-out samples; where less is determined nothing is left out
 _HOPELESS = 4.0  # times the least squared error so far
 
 
@@ -127,13 +127,13 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     bound = trials[0].effect.belongs_to_record()
     trials = [trial for trial in trials if trial.effect.belongs_to_record() == bound]
     fits: list[Refit] = []
-    for variant, directions in _variants(chain, bench, space):
-        starts = _starts(variant, trials, bound, bench, directions)
+    for variant, directions in start_variants(chain, bench, space):
+        starts = fit_starts(variant, trials, bound, bench, directions)
         if kind.is_scanned:
-            starts = [_scanned(start, bench, directions, trial) for start, trial in zip(starts, trials, strict=False)]
+            starts = [scanned(start, bench, directions, trial) for start, trial in zip(starts, trials, strict=False)]
         for start in starts:
             # a family of columns and a large effect turn the directions of the linear part: take them anew
-            is_new = start.weights.size != chain.weights.size or _clear_error(start, bench, directions) > 2.0 * error
+            is_new = start.weights.size != chain.weights.size or clear_error(start, bench, directions) > 2.0 * error
             least = min([error, *(f.squared_error for f in fits)])
             fits.append(refit(start, bench.train, None if is_new else directions, n_iterations=8,
                               hopeless_um2=_HOPELESS * least))  # fmt: skip
@@ -141,9 +141,9 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
         return None
     # as many more weights must earn their keep
     best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
-    if best.squared_error < 0.5 * error or not best.is_converged:
-        again = refit(rebased(best.chain, bench.train), bench.train, n_iterations=8)
-        best = again if again.squared_error < best.squared_error else best
+    # the forms of what befell single records differ little until the base no longer bends to it
+    ways = fits if bound else [best]
+    best = min((_followed(way, bench, error) for way in ways), key=lambda f: f.squared_error)
     before, after, fitted = _held_pair(chain, best, bench, cause, bound)
     n_free = len(free_parameters(fitted.chain)) - len(free_parameters(chain))
     longest = max(float(record.time_s[-1]) for record in bench.train)
@@ -154,6 +154,14 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     score = held_out_score(before, after)
     is_told = kind is not AsymmetricHysteresis or bench.is_telling
     return Contender(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_told)
+
+
+def _followed(fitted: Refit, bench: Bench, error: float) -> Refit:
+    """Return the refit with plays chosen anew, where it moved much or not to the end."""
+    if fitted.squared_error > 0.5 * error and fitted.is_converged:
+        return fitted
+    again = refit(rebased(fitted.chain, bench.train), bench.train, n_iterations=8)
+    return again if again.squared_error < fitted.squared_error else fitted
 
 
 def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
@@ -169,97 +177,6 @@ def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
     return False
 
 
-def _clear_error(start: Chain, bench: Bench, space: Tangent) -> float:
-    """Return the squared error of a start once its linear part has followed [um^2]."""
-    return squared_error(bench.train, space.remove(bench.train, residuals(start, bench.train)))
-
-
-def _starts(chain: Chain, trials: list[Screened], bound: bool, bench: Bench, space: Tangent) -> list[Chain]:
-    if isinstance(trials[0].effect, AsymmetricHysteresis):
-        return _asymmetric_starts(chain, trials)
-    if bound:
-        joined = chain
-        for index in sorted({trial.index for trial in trials if trial.index is not None}):
-            here = [t.effect for t in trials if t.index == index]
-            pasts = [effect for effect in here if isinstance(effect, InitialState)]
-            if pasts:
-                joined = with_searched_past(joined, index, pasts, lambda c: _clear_error(c, bench, space))
-                continue
-            own = [t for t in trials if t.index == index][:_MAX_STARTS]
-            plain = space.remove(bench.train, residuals(joined, bench.train))
-            joined = min((_resized(joined, t, plain, bench, space) for t in own), key=lambda option: option[0])[1]
-        return [joined]
-    if type(trials[0].effect).is_scanned:
-        return [chain.with_effect(trial.effect) for trial in trials[:2]]
-    # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
-    options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
-    best = sorted(options[1:], key=lambda option: _clear_error(option, bench, space))[:2]
-    return [options[0], *best]
-
-
-def _resized(
-    chain: Chain, trial: Screened, plain: tuple[Array, ...], bench: Bench, space: Tangent
-) -> tuple[float, Chain]:
-    """Return the error of a trial of one record beside what was joined before it, sized to that, and the chain."""
-    option = chain.with_effect(sized(trial), trial.index)
-    left = space.remove(bench.train, residuals(option, bench.train))
-    gain = power = 0.0
-    for record, before, after in zip(bench.train, plain, left, strict=True):
-        signature = (before - after)[record.is_used]
-        gain += float(np.dot(before[record.is_used], signature))
-        power += float(np.dot(signature, signature))
-    error = squared_error(bench.train, left)
-    if not power > 0.0 or not gain > 0.0:
-        return error, option
-    again = replace(trial, amplitude=trial.amplitude * gain / power)
-    return squared_error(bench.train, plain) - gain**2 / power, chain.with_effect(sized(again), trial.index)
-
-
-def _asymmetric_starts(chain: Chain, trials: list[Screened]) -> list[Chain]:
-    """Return a warp of the drive alone, and the whole family of one-sided plays with a warp."""
-    warped = chain.with_effect(AsymmetricHysteresis(warp_per_v=1e-9, warp_per_v2=1e-9))
-    family = next(
-        (t.effect for t in trials if isinstance(t.effect, AsymmetricHysteresis) and t.effect.thresholds_v), None
-    )
-    if family is None:
-        return [warped]
-    assert isinstance(family, AsymmetricHysteresis)
-    columns = family_columns(chain, family)
-    added = columns.thresholds_v.size - chain.weights.size
-    full = replace(warped, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))
-    return [warped, full]
-
-
-def _scanned(start: Chain, bench: Bench, space: Tangent, trial: Screened) -> Chain:
-    spec = next(p for p in trial.effect.parameters if p.name == trial.effect.main_parameter)
-    return scan(start, bench.train, space, FreeParameter(trial.cause, trial.index, spec, 1.0))
-
-
-def sized(trial: Screened) -> Effect:
-    """Return the instance with its linear parameters scaled as the screening found."""
-    effect = trial.effect
-    changes = {}
-    for name in effect.linear_parameters:
-        value = getattr(effect, name)
-        if isinstance(value, float) and value != 0.0:
-            spec = next(s for s in effect.parameters if s.name == name)
-            changes[name] = min(max(value * trial.amplitude, spec.lower), spec.upper)
-    return replace(effect, **changes) if changes else effect
-
-
-def _variants(chain: Chain, bench: Bench, space: Tangent) -> list[tuple[Chain, Tangent]]:
-    """Return the chain, and the chain with the other assumption on how records of unsure start begin."""
-    unsure = [i for i, r in enumerate(bench.train) if starts_unsure(r)]
-    flipped = chain
-    for i in unsure:
-        own = flipped.record_effects[i]
-        if any(isinstance(e, InitialState) and e.free_names() for e in own):
-            return [(chain, space)]
-        others = tuple(e for e in own if not isinstance(e, InitialState))
-        flipped = with_own(flipped, i, others if len(others) < len(own) else (*others, bench.train[i].at_rest()))
-    return [(chain, space)] + ([(flipped, tangent(flipped, bench.train))] if unsure else [])
-
-
 def _held_pair(
     chain: Chain, fitted: Refit, bench: Bench, cause: str, bound: bool
 ) -> tuple[list[Array], list[Array], Refit]:
@@ -271,5 +188,16 @@ def _held_pair(
     learned = tuple(r.using(r.is_used & learned_blocks(r)) for r in bench.train)
     blocked = refit(fitted.chain, learned, n_iterations=4)
     base = refit(chain, learned, n_iterations=2)
-    scored = tuple(HeldOut(bench.train[i].using(held_blocks(bench.train[i])), i) for i in indices)
+    scored = _scored(bench, indices, learned, (base.chain, blocked.chain))
     return held_residuals(base.chain, scored), held_residuals(blocked.chain, scored), fitted
+
+
+def _scored(
+    bench: Bench, indices: list[int], learned: tuple[PreparedRecord, ...], chains: tuple[Chain, ...]
+) -> tuple[HeldOut, ...]:
+    """Return the held-out blocks of these records, without what the learned ones leave open in either model."""
+    blocks = tuple(held_blocks(r) for r in bench.train)
+    masks = [np.all(both, axis=0) for both in zip(*(determined(c, learned, blocks) for c in chains), strict=True)]
+    used = [masks[i] if np.count_nonzero(masks[i]) >= _LEAST_SCORED * np.count_nonzero(blocks[i]) else blocks[i]
+            for i in indices]  # fmt: skip
+    return tuple(HeldOut(bench.train[i].using(mask), i) for i, mask in zip(indices, used, strict=True))

@@ -10,8 +10,8 @@ import numpy as np
 from fomrc_core.base_fit import Tangent, residuals, squared_error, tangent
 from fomrc_core.bench import Bench, learned_blocks
 from fomrc_core.chain import Chain, PreparedRecord
-from fomrc_core.contender import sized
 from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.fit_starts import sized
 from fomrc_core.past_search import with_searched_past
 from fomrc_core.refit import Refit, free_parameters, refit, settle
 from fomrc_core.screening import screen
@@ -70,6 +70,7 @@ def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[
             continue
         pasts = [t.effect for t in trials if isinstance(t.effect, InitialState)]
         if pasts:
+            pasts += _others(chain, index, pasts[0].resting_v)
             start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
             alone = min((alone, _refit_own(start, record)), key=lambda option: _error(option, record))
             continue
@@ -81,6 +82,12 @@ def fit_one_record(chain: Chain, record: PreparedRecord, index: int, kinds: set[
     own = list(chain.record_effects)
     own[index] = alone.record_effects[0]
     return replace(chain, record_effects=tuple(own))
+
+
+def _others(chain: Chain, index: int, resting_v: float) -> list[InitialState]:
+    """Return the pasts of the other records: who measures does the same before each."""
+    own = [e for i, effects in enumerate(chain.record_effects) if i != index for e in effects]
+    return [replace(e, resting_v=resting_v) for e in own if isinstance(e, InitialState) and e.free_names()]
 
 
 def _error(chain: Chain, record: PreparedRecord) -> float:

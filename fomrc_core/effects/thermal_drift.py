@@ -11,10 +11,12 @@ from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
 from fomrc_core.effects.evidence import Evidence
 from fomrc_core.effects.kernels import elapsed_times
 
+_QUICKEST_WARM_UP = 0.08  # of the longest record
+
 
 @dataclass(frozen=True)
 class ThermalDrift(Effect):
-    """Displacement in proportion to temperature where it is recorded, else a smooth drift in time."""
+    """Displacement in proportion to temperature where it is recorded, else a smooth drift or a warm-up in time."""
 
     name: ClassVar[str] = "thermal_drift"
     place: ClassVar[Place] = Place.THERMAL_DRIFT
@@ -24,6 +26,8 @@ class ThermalDrift(Effect):
         Parameter("um_per_s", "um/s", -1e3, 1e3, description="drift where no temperature is recorded"),
         Parameter("um_per_s2", "um/s^2", -1e3, 1e3, description="its curvature"),
         Parameter("um_per_s3", "um/s^3", -1e3, 1e3, description="change of its curvature"),
+        Parameter("warm_up_um", "um", -1e3, 1e3, description="what a warm-up comes to in the end"),
+        Parameter("warm_up_s", "s", 1e-3, 1e6, is_log=True, description="time constant of the warm-up"),
     )
     main_parameter: ClassVar[str] = "um_per_c"
     meaning: ClassVar[str] = "The frame between stage and sensor expands as its temperature changes."
@@ -31,12 +35,14 @@ class ThermalDrift(Effect):
     experiment: ClassVar[str] = "hold the drive at zero for minutes and record the temperature"
     inverse_note: ClassVar[str] = "inverted where the temperature is known while running; a drift in time is not"
     can_invert: ClassVar[bool] = True
-    linear_parameters: ClassVar[tuple[str, ...]] = ("um_per_c", "um_per_s", "um_per_s2", "um_per_s3")
+    linear_parameters: ClassVar[tuple[str, ...]] = ("um_per_c", "um_per_s", "um_per_s2", "um_per_s3", "warm_up_um")
 
     um_per_c: float = 0.0
     um_per_s: float = 0.0
     um_per_s2: float = 0.0
     um_per_s3: float = 0.0
+    warm_up_um: float = 0.0
+    warm_up_s: float = 60.0
 
     def initial_state(self) -> Array:
         """Return (elapsed [s], started, reference temperature [degC])."""
@@ -46,6 +52,8 @@ class ThermalDrift(Effect):
         t = np.empty(steps_s.size)
         elapsed_times(state, steps_s, t)
         drift = t * (self.um_per_s + t * (self.um_per_s2 + t * self.um_per_s3))
+        if self.warm_up_um != 0.0:
+            drift = drift - self.warm_up_um * np.expm1(-t / self.warm_up_s)
         if covariate is not None and self.um_per_c != 0.0:
             if np.isnan(state[2]):
                 state[2] = covariate[0]
@@ -65,8 +73,14 @@ class ThermalDrift(Effect):
         return values - self.um_per_c * (covariate - state[2])
 
     def free_names(self) -> tuple[str, ...]:
-        """Return the expansion where temperature is used, else the whole drift in time."""
-        return ("um_per_c",) if self.um_per_c != 0.0 else ("um_per_s", "um_per_s2", "um_per_s3")
+        """Return the expansion where temperature is used, else a warm-up or the whole drift in time."""
+        if self.um_per_c != 0.0:
+            return ("um_per_c",)
+        return ("warm_up_um", "warm_up_s") if self.warm_up_um != 0.0 else ("um_per_s", "um_per_s2", "um_per_s3")
+
+    def is_plausible(self, longest_s: float) -> bool:
+        """Return whether a warm-up takes its time: one that is soon over is an actuator that creeps."""
+        return self.warm_up_um == 0.0 or self.warm_up_s >= _QUICKEST_WARM_UP * longest_s
 
     def belongs_to_record(self) -> bool:
         """Return whether this is a drift in time, which no other record repeats."""
@@ -78,12 +92,14 @@ class ThermalDrift(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return an expansion where the temperature was recorded, and a drift in time."""
+        """Return an expansion where the temperature was recorded, drifts and warm-ups in time."""
         t = evidence.duration_s
         trials: list[Effect] = [
             cls(um_per_s=0.01 / t),
             cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
             cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3),
+            cls(warm_up_um=0.01, warm_up_s=0.2 * t),
+            cls(warm_up_um=0.01, warm_up_s=0.6 * t),
         ]
         if all(record.has_temperature for record in evidence.records):
             trials.append(cls(um_per_c=0.01))

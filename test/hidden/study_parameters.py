@@ -61,5 +61,6 @@ def parameter_error(cause: str, true: Mapping[str, Any], found: Mapping[str, Any
     if cause == "thermal_drift" and "rate_um_per_s" in true:
         span_s = case.recordings[0].duration_s
         drift = sum(float(found[n]) * span_s**k for n, k in (("um_per_s", 1), ("um_per_s2", 2), ("um_per_s3", 3)))
+        drift += float(found["warm_up_um"]) * (1.0 - np.exp(-span_s / float(found["warm_up_s"])))
         return abs(drift / (true["rate_um_per_s"] * span_s) - 1.0)
     return None
