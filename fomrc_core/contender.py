@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 _MAX_CONTENDERS = 5
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
 _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
+_ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
 _CLOSE_TO_BEST = 0.2
 _TRAINING_COUNTS = 0.3
 _RICH_PENALTY = 1.02
@@ -83,7 +84,7 @@ def contenders_for(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array
     error = squared_error(bench.train, left)
     inflation = max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(left, bench.train, strict=True))
     variance = error / bench.n_used
-    limit = _MIN_SCREENED * variance * min(inflation, 200.0)
+    limit = min(_MIN_SCREENED * variance * min(inflation, 200.0), _ENOUGH_SHARE * error)
     view = [np.dot(v, v) for v in held_residuals(chain, bench.held)]
     held_limit = max(limit, _LEAST_SHARE * float(sum(view)))
     limit = max(limit, _LEAST_SHARE * error)

@@ -92,12 +92,13 @@ class ThermalDrift(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return an expansion where the temperature was recorded, drifts and warm-ups in time."""
+        """Return an expansion where the temperature was recorded, drifts (one there and back) and warm-ups."""
         t = evidence.duration_s
         trials: list[Effect] = [
             cls(um_per_s=0.01 / t),
             cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
             cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3),
+            cls(um_per_s=0.1 / t, um_per_s2=-0.3 / t**2, um_per_s3=0.2 / t**3),
             cls(warm_up_um=0.01, warm_up_s=0.2 * t),
             cls(warm_up_um=0.01, warm_up_s=0.6 * t),
         ]

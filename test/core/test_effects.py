@@ -47,7 +47,7 @@ EFFECTS = [
     TransportDelay(delay_s=0.0033),
     ExternalLoad(displacement_um=0.2, onset_s=0.1, release_s=0.2),
     CrossAxis(gain=0.07),
-    ThermalDrift(um_per_c=0.02, um_per_s=0.01, um_per_s2=-0.02, um_per_s3=0.003),
+    ThermalDrift(um_per_c=0.02, um_per_s=0.01, um_per_s2=-0.02, um_per_s3=0.003, warm_up_um=-0.1, warm_up_s=0.2),
     GainDrift(per_s=0.01),
     SensorNonlinearity(quadratic_per_um=0.004, cubic_per_um2=-0.003),
     MainsHum(frequency_hz=50.0, amplitude_um=0.01, phase_rad=0.3),
@@ -296,6 +296,7 @@ def test_drifts_and_hum_run_on_the_clock_of_the_record():
     for effect, wanted in (
         (GainDrift(per_s=0.1), x * (1 + 0.1 * t)),
         (ThermalDrift(um_per_s=1.0, um_per_s2=2.0, um_per_s3=3.0), x + t + 2 * t**2 + 3 * t**3),
+        (ThermalDrift(warm_up_um=2.0, warm_up_s=0.3), x + 2.0 * (1.0 - np.exp(-t / 0.3))),
         (
             MainsHum(frequency_hz=50.0, amplitude_um=0.1, phase_rad=0.4),
             x + 0.1 * np.sin(100 * np.pi * t + 0.4),

@@ -7,19 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core.base_fit import residuals, squared_error
+from fomrc_core.base_fit import residuals, squared_error, tangent
 from fomrc_core.bench import Bench, lay_out
 from fomrc_core.chain import Chain, PreparedRecord, predict
 from fomrc_core.columns import ColumnKinds
+from fomrc_core.contender import contenders_for
 from fomrc_core.effects.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.mains_hum import MainsHum
+from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.excitation import multisine, triangle
 from fomrc_core.past_search import with_searched_past
-from fomrc_core.record_bound import sought_again
+from fomrc_core.record_bound import fit_one_record, sought_again
 from fomrc_core.recording import Recording
 from fomrc_core.refit import refit, settle
+from fomrc_core.screening import screen
 
 NOISE_UM = 1e-3
 PLAIN = Chain(ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),))
@@ -96,3 +99,32 @@ def test_a_load_found_wrong_in_one_record_is_sought_again():
     assert better.squared_error < stuck.squared_error
     assert found.release_s > duration_s
     assert found.onset_s == pytest.approx(0.5 * duration_s, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "drift",
+    [ThermalDrift(warm_up_um=0.1, warm_up_s=5.0), ThermalDrift(um_per_s=4e-3, um_per_s2=-3e-4, um_per_s3=6e-6)],
+)
+def test_a_drift_is_fitted_in_the_form_it_has(drift):
+    drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=4, rate_hz=400.0).voltage_v
+    record = _measured(PLAIN.with_effect(drift, 0), np.tile(drive, 2), 400.0, 7)
+    bench = lay_out((record,), record, None, NOISE_UM)
+    plain = replace(PLAIN, record_effects=((), ()))
+    chain = refit(plain, bench.train).chain
+    space, left = tangent(chain, bench.train), residuals(chain, bench.train)
+    screened = tuple(screen(chain, bench.train, space, left, NOISE_UM, ("thermal_drift",)))
+    (contender,) = contenders_for(chain, bench, space, left, screened, None)
+    (found,) = contender.fitted.chain.record_effects[0]
+    assert isinstance(found, ThermalDrift)
+    assert (found.warm_up_um != 0.0) == (drift.warm_up_um != 0.0)
+    assert np.sqrt(contender.fitted.squared_error / bench.n_used) < 1.02 * NOISE_UM
+
+
+def test_a_past_is_sought_from_those_of_the_other_records_too():
+    past = InitialState(1.1, 0.0, 5.1, 0.43)
+    drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0)
+    record = PreparedRecord.of(_measured(PLAIN.with_effect(past, 0), drive.voltage_v, 200.0, 8))
+    known = replace(PLAIN, record_effects=((past,), ()))
+    (found,) = fit_one_record(known, record, 1, {"initial_state"}).record_effects[1]
+    assert isinstance(found, InitialState)
+    assert found.extreme_v == pytest.approx(past.extreme_v, rel=0.02)

@@ -105,3 +105,15 @@ def test_what_a_repeated_loop_cannot_tell_is_not_accepted(bench: Bench) -> None:
     bent = _contender(bench, "asymmetric_hysteresis", 2.7, 2.1)
     assert choice.is_accepted(bent, 18)
     assert not choice.is_accepted(replace(bent, is_told=False), 18)
+
+
+def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(bench: Bench) -> None:
+    record = bench.train[0].recording
+    apart = lay_out((record,), record, None, 1e-3)
+    chain = Chain(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), ()))
+    n = record.time_s.size
+    alike, far = (np.random.default_rng(4).normal(0.0, size_um, n) for size_um in (1e-3, 5e-3))
+    tied = [replace(_contender(bench, c, 4.0, 4.0), held=(v,)) for c, v in (("dead_zone", alike), ("clock_skew", far))]
+    assert [c.cause for c in choice.still_tied(chain, tied, apart)] == ["dead_zone"]
+    # blocks of its own record are no other record
+    assert choice.still_tied(chain, tied, bench) == tied
