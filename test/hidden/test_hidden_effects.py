@@ -52,3 +52,16 @@ def test_nothing_is_named_where_nothing_is_hidden() -> None:
     case = draw_case(SEED, (), excitation="short")
     diagnosis = diagnose(case.recordings, test=case.test, report=case.report)
     assert [found.cause for found in diagnosis.findings] == []
+
+
+@pytest.mark.parametrize(("seed", "cause"), [(SEED + 13, "sensor_nonlinearity"), (SEED, _HIDDEN[0])])
+def test_what_stands_in_for_a_cause_that_is_not_known_does_not_explain_it(seed: int, cause: str) -> None:
+    from fomrc_core.diagnosis import Status, diagnose
+
+    print(f"FOMRC_HIDDEN_SEED={SEED}")
+    case = draw_case(seed, (cause,), excitation="short")
+    diagnosis = diagnose(
+        case.recordings, test=case.test, report=case.report, model=case.model, excluded_causes=(cause,)
+    )
+    assert cause not in [found.cause for found in diagnosis.findings]
+    assert diagnosis.status is not Status.EXPLAINED, diagnosis.summary()
