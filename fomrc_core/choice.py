@@ -41,7 +41,7 @@ def likelier(winner: Contender, contenders: list[Contender], bench: Bench, n_cau
         if other is winner or other.is_bound or other.cause == AsymmetricHysteresis.name:
             continue
         learnt = other.train_log_gain - winner.train_log_gain
-        lost = winner.score.log_gain - other.score.log_gain
+        lost = winner.held_gain - other.held_gain
         if other.n_free > winner.n_free or learnt < 0.0 or lost > max(learnt, _HARDLY):
             continue
         if is_accepted(other, n_causes) and sure_gain(winner.fitted, other.fitted, bench) > SURE:

@@ -64,9 +64,15 @@ class Contender:
     def total_gain(self) -> float:
         """Held-out gain first, for a rich cause fits anything in training; training gain beside it, for with two
         effects hidden neither alone need help held-out data."""
-        # Blocks of the same record are an easier test than another record: there training is asked as well.
-        held = min(self.score.log_gain, self.train_log_gain) if self.is_bound else self.score.log_gain
-        return max(held, -0.5) + _TRAINING_COUNTS * self.train_log_gain
+        return max(self.held_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
+
+    @property
+    def held_gain(self) -> float:
+        """Logarithmic gain on held-out data, comparable between causes.
+
+        Blocks of the same record are an easier test than another record: there training is asked as well.
+        """
+        return min(self.score.log_gain, self.train_log_gain) if self.is_bound else self.score.log_gain
 
 
 def contenders_for(chain: Chain, bench: Bench, space: Tangent, left: tuple[Array, ...], screened: tuple[Screened, ...],

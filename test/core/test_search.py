@@ -55,6 +55,13 @@ def test_after_a_poor_drive_what_reaches_the_noise_in_training_is_taken(bench: B
     assert _named(bench, delay, _contender(bench, "amplifier_bandwidth", 4.8, 4.08)) == "transport_delay"
 
 
+def test_blocks_of_its_own_record_are_an_easier_test_than_another_record(bench: Bench) -> None:
+    drift = _contender(bench, "thermal_drift", 0.36, 0.82)
+    relaxation = _contender(bench, "slow_relaxation", 0.65, 0.11)
+    assert _named(bench, replace(drift, is_bound=True), relaxation) == "slow_relaxation"
+    assert _named(bench, drift, relaxation) == "thermal_drift"
+
+
 def test_more_parameters_are_no_likelier_cause(bench: Bench) -> None:
     lag = _contender(bench, "amplifier_bandwidth", 4.0, 4.0)
     assert _named(bench, lag, _contender(bench, "mechanical_resonance", 5.0, 4.0, n_free=2)) == "amplifier_bandwidth"
