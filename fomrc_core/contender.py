@@ -179,7 +179,7 @@ def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
         if effect is None:
             continue
         left = record.measured_um - predict(without, record, index)
-        if effect.is_confirmed(record.time_s, left):
+        if effect.is_confirmed(record.time_s, record.voltage_v, left):
             return True
     return False
 

@@ -151,11 +151,12 @@ class Effect(ABC):
         """Return whether records of this length [s] can show the effect with these parameters."""
         return True
 
-    def is_confirmed(self, time_s: Array, residual_um: Array) -> bool:
+    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether a record's residual, this effect left in it, shows what the effect must show.
 
         Args:
             time_s: time since the first sample [s], shape (n_samples,).
+            voltage_v: drive [V], shape (n_samples,).
             residual_um: measured minus the model without this effect [um], shape (n_samples,).
         """
         return True

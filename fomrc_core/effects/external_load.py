@@ -16,6 +16,7 @@ _RISE_S = 0.03
 _BESIDE_S = 0.25
 _SURE = 5.0
 _SHORTEST_S = 1.0
+_FIRST_MOVE = 0.1  # of the range of the drive
 
 
 @dataclass(frozen=True)
@@ -53,17 +54,21 @@ class ExternalLoad(Effect):
         elapsed_times(state, steps_s, t)
         return values + self.displacement_um * ((t >= self.onset_s) & (t < self.release_s))
 
-    def is_confirmed(self, time_s: Array, residual_um: Array) -> bool:
+    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether the residual jumps where the load comes and goes, and by its size.
 
         A model that is wrong for some stretch of the drive leaves a residual that grows and fades; a load jumps.
+        What jumps where the drive first leaves its starting voltage is memory of what went before.
         """
         if self.release_s - self.onset_s < _SHORTEST_S:
             return False
         edges = [(self.onset_s, self.displacement_um)]
         if self.release_s < time_s[-1]:
             edges.append((self.release_s, -self.displacement_um))
-        return all(_jumps(time_s, residual_um, edge, size) for edge, size in edges)
+        return all(
+            _jumps(time_s, residual_um, edge_s, size) and not _is_first_move(time_s, voltage_v, edge_s)
+            for edge_s, size in edges
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
@@ -87,16 +92,38 @@ class ExternalLoad(Effect):
         return trials
 
 
+def _is_first_move(time_s: Array, voltage_v: Array, edge_s: float) -> bool:
+    """Return whether the drive moves at this moment and has not been far from where it began."""
+    beside = np.abs(time_s - edge_s) <= 2.0 * _RISE_S
+    reach_v = float(np.max(np.abs(voltage_v[time_s <= edge_s] - voltage_v[0]), initial=0.0))
+    span_v = float(np.ptp(voltage_v))
+    return reach_v < _FIRST_MOVE * span_v and float(np.ptp(voltage_v[beside])) > 1e-3 * span_v
+
+
 def _jumps(time_s: Array, residual_um: Array, edge_s: float, size_um: float) -> bool:
     before = (time_s >= edge_s - _BESIDE_S) & (time_s < edge_s - _RISE_S)
     after = (time_s > edge_s + _RISE_S) & (time_s <= edge_s + _BESIDE_S)
     if np.count_nonzero(before) < 10 or np.count_nonzero(after) < 10:
         return False
-    b, a = residual_um[before], residual_um[after]
-    jump = float(np.mean(a) - np.mean(b))
+    (level_before, error_before), (level_after, error_after) = (
+        _level_at(time_s[side] - edge_s, residual_um[side]) for side in (before, after)
+    )
+    jump = level_after - level_before
     # neighbouring samples are not independent: a quarter of them counted
-    error = 2.0 * float(np.sqrt(np.var(a) / a.size + np.var(b) / b.size))
+    error = 2.0 * float(np.hypot(error_before, error_after))
     return abs(jump) > _SURE * error and 0.6 < jump / size_um < 1.6
+
+
+def _level_at(time_s: Array, values_um: Array) -> tuple[float, float]:
+    """Return where a straight line through the values is at time zero, and its standard error [um].
+
+    What creeps fast changes as much beside an edge as a load does; a line follows it up to the edge.
+    """
+    line = np.column_stack((np.ones(time_s.size), time_s))
+    found = np.linalg.lstsq(line, values_um, rcond=None)[0]
+    left = values_um - line @ found
+    variance = float(left @ left) / (time_s.size - 2)
+    return float(found[0]), float(np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0]))
 
 
 def _best_pulse(total: Array) -> tuple[int, int, float]:

@@ -26,9 +26,28 @@ def test_a_load_that_jumps_is_confirmed_and_a_swell_is_not() -> None:
     load = ExternalLoad(0.01, 5.0, 12.0)
     jump = 0.01 * ((TIME_S >= 5.0) & (TIME_S < 12.0))
     swell = 0.01 * np.exp(-(((TIME_S - 8.5) / 3.0) ** 2))
-    assert load.is_confirmed(TIME_S, noise + jump)
-    assert not load.is_confirmed(TIME_S, noise + swell)
-    assert not load.is_confirmed(TIME_S, noise)
+    drive = 2.0 * np.sin(2.0 * np.pi * 0.3 * TIME_S)
+    assert load.is_confirmed(TIME_S, drive, noise + jump)
+    assert not load.is_confirmed(TIME_S, drive, noise + swell)
+    assert not load.is_confirmed(TIME_S, drive, noise)
+
+
+def test_what_creeps_fast_beside_an_edge_is_no_jump() -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME_S.size)
+    drive = 2.0 * np.sin(2.0 * np.pi * 0.3 * TIME_S)
+    slope = np.interp(TIME_S, [4.7, 5.3], [0.0, 0.025])
+    assert not ExternalLoad(0.0105, 5.0).is_confirmed(TIME_S, drive, noise + slope)
+
+
+def test_a_jump_where_the_drive_first_moves_is_its_memory_and_no_load() -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME_S.size)
+    load = ExternalLoad(0.01, 5.0)
+    jump = 0.01 * (TIME_S >= 5.0)
+    first_move = np.interp(TIME_S, [4.98, 10.0], [0.0, 4.0])
+    assert not load.is_confirmed(TIME_S, first_move, noise + jump)
+    # at rest the jump is no doing of the drive, and later on it is one move of many
+    assert load.is_confirmed(TIME_S, np.interp(TIME_S, [6.0, 10.0], [0.0, 4.0]), noise + jump)
+    assert load.is_confirmed(TIME_S, np.interp(TIME_S, [3.0, 10.0], [0.0, 4.0]), noise + jump)
 
 
 def test_a_relaxation_longer_than_the_record_is_not_plausible() -> None:
