@@ -52,13 +52,17 @@ class Bench:
         return 1 + max([len(self.train) - 1] + [h.index for h in (*self.held, *self.report)])
 
     @property
+    def is_apart(self) -> bool:
+        """Whether what is held out is another record, not blocks of those that are learned from."""
+        return any(part.index >= len(self.train) for part in self.held)
+
+    @property
     def is_telling(self) -> bool:
         """Whether causes that fit alike can be told apart: by another record, or by loops of many kinds.
 
         Blocks of a loop that only repeats, held out, say again what the others have said.
         """
-        is_apart = any(part.index >= len(self.train) for part in self.held)
-        return is_apart or n_loop_kinds([record.voltage_v for record in self.train]) >= MANY_LOOPS
+        return self.is_apart or n_loop_kinds([record.voltage_v for record in self.train]) >= MANY_LOOPS
 
     @property
     def n_used(self) -> int:

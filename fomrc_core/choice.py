@@ -73,9 +73,9 @@ def still_tied(chain: Chain, tied: Sequence[Contender], bench: Bench) -> list[Co
     What belongs to single records is scored on blocks of its own; once it has been fitted to the held-out record
     too, what belongs to the actuator can be compared with it there.
     """
-    held = held_residuals(chain, bench.held)
-    if all(part.index < len(bench.train) for part in bench.held):
+    if not bench.is_apart:
         return list(tied)
+    held = held_residuals(chain, bench.held)
     return [other for other in tied if other.is_bound or loses_to(held, list(other.held)) > _TIE_P_VALUE]
 
 

@@ -151,16 +151,16 @@ def _fit_contender(task: tuple[Chain, Bench, Tangent, list[Screened], float]) ->
     # the forms of what befell single records differ little until the base no longer bends to it
     ways = fits if bound else [best]
     best = min((_followed(way, bench, error) for way in ways), key=lambda f: f.squared_error)
-    before, after, fitted = _held_pair(chain, best, bench, cause, bound)
-    n_free = len(free_parameters(fitted.chain)) - len(free_parameters(chain))
+    before, after = _held_pair(chain, best, bench, cause, bound)
+    n_free = len(free_parameters(best.chain)) - len(free_parameters(chain))
     longest = max(float(record.time_s[-1]) for record in bench.train)
-    own = [e for part in fitted.chain.record_effects[: len(bench.train)] for e in part]
-    is_plausible = all(e.is_plausible(longest) for e in (*fitted.chain.effects, *own))
-    is_plausible = is_plausible and (not bound or _is_confirmed(fitted, bench, cause))
-    train_gain = math.log(error / fitted.squared_error)
+    own = [e for part in best.chain.record_effects[: len(bench.train)] for e in part]
+    is_plausible = all(e.is_plausible(longest) for e in (*best.chain.effects, *own))
+    is_plausible = is_plausible and (not bound or _is_confirmed(best, bench, cause))
+    train_gain = math.log(error / best.squared_error)
     score = held_out_score(before, after)
     is_told = kind is not AsymmetricHysteresis or bench.is_telling
-    return Contender(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_told)
+    return Contender(cause, best, score, train_gain, tuple(after), n_free, is_plausible, bound, is_told)
 
 
 def _followed(fitted: Refit, bench: Bench, error: float) -> Refit:
@@ -186,9 +186,9 @@ def _is_confirmed(fitted: Refit, bench: Bench, cause: str) -> bool:
 
 def _held_pair(
     chain: Chain, fitted: Refit, bench: Bench, cause: str, bound: bool
-) -> tuple[list[Array], list[Array], Refit]:
+) -> tuple[list[Array], list[Array]]:
     if not bound:
-        return held_residuals(chain, bench.held), held_residuals(fitted.chain, bench.held), fitted
+        return held_residuals(chain, bench.held), held_residuals(fitted.chain, bench.held)
     # An effect of one record cannot be held out by another record: hold out blocks of the same one.
     indices = [i for i, own in enumerate(fitted.chain.record_effects[: len(bench.train)])
                if any(e.name == cause for e in own)]  # fmt: skip
@@ -196,7 +196,7 @@ def _held_pair(
     blocked = refit(fitted.chain, learned, n_iterations=4)
     base = refit(chain, learned, n_iterations=2)
     scored = _scored(bench, indices, learned, (base.chain, blocked.chain))
-    return held_residuals(base.chain, scored), held_residuals(blocked.chain, scored), fitted
+    return held_residuals(base.chain, scored), held_residuals(blocked.chain, scored)
 
 
 def _scored(

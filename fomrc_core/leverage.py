@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.base_fit import tangent
+from fomrc_core.base_fit import product, tangent
 from fomrc_core.chain import Chain, PreparedRecord
 
 _LARGEST = 10.0  # times its mean over the learned samples, number of columns over number of samples
@@ -30,8 +30,7 @@ def determined(
     n = space.whitening.shape[1]
     moment = np.zeros((n, n))
     for columns, record in zip(space.columns, learned, strict=True):
-        rows = columns[record.is_used] @ space.whitening
-        moment += rows.T @ rows
+        moment += space.whitening.T @ product(columns, columns, record.is_used) @ space.whitening
     # what was not learned at all has a leverage without bound; the ridge keeps it finite
     values, vectors = np.linalg.eigh(moment + _RIDGE * np.eye(n))
     whitening = space.whitening @ (vectors / np.sqrt(np.maximum(values, _RIDGE)))

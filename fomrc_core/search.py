@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 MAX_FINDINGS = 5
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
-_SURE = 3.0
+_LEAST_SIGMAS = 3.0
 _PRUNED = 0.03
 
 
@@ -224,7 +224,7 @@ def _pruned(steps: list[Step], chain: Chain, final: Refit, bench: Bench,
                 error = errors.get((p.effect_name, p.index, p.spec.name), 0.0)
                 ratios.append(abs(p.get(chain)) / error if error > 0.0 else math.inf)
         # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
-        if ratios and max(ratios) < _SURE and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
+        if ratios and max(ratios) < _LEAST_SIGMAS and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
             steps = [s for s in steps if s is not step]
             final = settle(chain.without(name), bench.train, executor)
             chain = follow_held(final.chain, bench)

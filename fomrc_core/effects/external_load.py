@@ -119,11 +119,8 @@ def _level_at(time_s: Array, values_um: Array) -> tuple[float, float]:
 
     What creeps fast changes as much beside an edge as a load does; a line follows it up to the edge.
     """
-    line = np.column_stack((np.ones(time_s.size), time_s))
-    found = np.linalg.lstsq(line, values_um, rcond=None)[0]
-    left = values_um - line @ found
-    variance = float(left @ left) / (time_s.size - 2)
-    return float(found[0]), float(np.sqrt(variance * np.linalg.inv(line.T @ line)[0, 0]))
+    (_, level_um), covariance = np.polyfit(time_s, values_um, 1, cov=True)
+    return float(level_um), float(np.sqrt(covariance[1, 1]))
 
 
 def _best_pulse(total: Array) -> tuple[int, int, float]:

@@ -78,9 +78,9 @@ class ThermalDrift(Effect):
             return ("um_per_c",)
         return ("warm_up_um", "warm_up_s") if self.warm_up_um != 0.0 else ("um_per_s", "um_per_s2", "um_per_s3")
 
-    def is_plausible(self, longest_s: float) -> bool:
+    def is_plausible(self, duration_s: float) -> bool:
         """Return whether a warm-up takes its time: one that is soon over is an actuator that creeps."""
-        return self.warm_up_um == 0.0 or self.warm_up_s >= _QUICKEST_WARM_UP * longest_s
+        return self.warm_up_um == 0.0 or self.warm_up_s >= _QUICKEST_WARM_UP * duration_s
 
     def belongs_to_record(self) -> bool:
         """Return whether this is a drift in time, which no other record repeats."""
