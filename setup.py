@@ -9,9 +9,7 @@ def shared(folder):
     """Return the files of a folder and its subfolders, as they are to lie in the share folder."""
     for path, _, files in sorted(os.walk(folder)):
         kept = sorted(
-            os.path.join(path, name)
-            for name in files
-            if not name.startswith(".") and not name.endswith(".pyc")
+            os.path.join(path, name) for name in files if not name.startswith(".") and not name.endswith(".pyc")
         )
         if kept:
             yield f"share/{package_name}/{path}", kept
@@ -69,11 +67,11 @@ setup(
     entry_points={
         "console_scripts": [
             "fomrc = fomrc_core.cli:main",
-            "compensator = fomrc_ros.compensator_node:main",
-            "simulated_pea = fomrc_ros.simulated_pea_node:main",
-            "identification = fomrc_ros.identification_node:main",
-            "gap_command = fomrc_ros.gap_nodes:command_main",
-            "gap_monitor = fomrc_ros.gap_nodes:monitor_main",
+            "compensator = fomrc_ros.compensator.node:main",
+            "simulated_pea = fomrc_ros.simulated_stage.node:main",
+            "identification = fomrc_ros.identification.node:main",
+            "gap_command = fomrc_ros.gap.nodes:command_main",
+            "gap_monitor = fomrc_ros.gap.nodes:monitor_main",
         ],
     },
 )

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fomrc_core import creep
-from fomrc_core.hysteresis import OperatorSum
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.operators import creep
+from fomrc_core.operators.hysteresis import OperatorSum
 
 FLAGS = {
     "gcc -O3": ["-O3"],
@@ -28,10 +28,18 @@ class _Chain(ctypes.Structure):
         + [(name, ctypes.c_double) for name in ("slope", "current", "held", "previous")]
         + [
             (name, _POINTER)
-            for name in ("thresholds", "weights", "decays", "from_previous", "from_current", "weighted_decays",
-                         "plays", "modes")
+            for name in (
+                "thresholds",
+                "weights",
+                "decays",
+                "from_previous",
+                "from_current",
+                "weighted_decays",
+                "plays",
+                "modes",
+            )
         ]
-    )  # fmt: skip
+    )
 
 
 def _pointer(array):
@@ -70,10 +78,19 @@ class CReference:
         creep.prepare_step(block, 0, self._step_s)
         n = self._model.creep_modes.n_modes
         arrays = block[creep.HEADER :].reshape(-1, n)
-        kept = [_aligned(a) for a in (
-            form.thresholds, form.weights, arrays[creep.DECAY], arrays[creep.FROM_PREVIOUS],
-            arrays[creep.FROM_CURRENT], arrays[creep.WEIGHTED_DECAY], np.zeros(form.thresholds.size), np.zeros(n),
-        )]  # fmt: skip
+        kept = [
+            _aligned(a)
+            for a in (
+                form.thresholds,
+                form.weights,
+                arrays[creep.DECAY],
+                arrays[creep.FROM_PREVIOUS],
+                arrays[creep.FROM_CURRENT],
+                arrays[creep.WEIGHTED_DECAY],
+                np.zeros(form.thresholds.size),
+                np.zeros(n),
+            )
+        ]
         scalars = (form.slope, block[creep.CURRENT_WEIGHT], block[creep.HELD_WEIGHT], 0.0)
         return _Chain(form.thresholds.size, n, *scalars, *(_pointer(a) for a in kept)), kept
 

@@ -15,8 +15,8 @@ import time
 import numpy as np
 from scipy.signal import fftconvolve
 
-from fomrc_core.identification import identify
-from fomrc_core.recording import Recording
+from fomrc_core.identification.convex import identify
+from fomrc_core.records.recording import Recording
 
 RATE_HZ = 100.0
 ORDER = 0.015
@@ -66,12 +66,8 @@ def main() -> None:
     noise = np.random.default_rng(1000 + seed)
     records = []
     for number, voltage in enumerate(drives):
-        x = dense_displacement_um(voltage, np.random.default_rng(seed)) + noise.normal(
-            0.0, 1e-3, voltage.size
-        )
-        records.append(
-            Recording(np.arange(1, voltage.size + 1) / RATE_HZ, voltage, x, name=f"record {number}")
-        )
+        x = dense_displacement_um(voltage, np.random.default_rng(seed)) + noise.normal(0.0, 1e-3, voltage.size)
+        records.append(Recording(np.arange(1, voltage.size + 1) / RATE_HZ, voltage, x, name=f"record {number}"))
     begun = time.perf_counter()
     fit = identify(records[:2], n_elements="auto", test=None)
     held = records[2]

@@ -11,10 +11,10 @@ import numpy as np
 from benchmarks import c_reference
 from benchmarks.subjects import ROOT, STEP_S, drive, table_1
 from benchmarks.timing import Row, best_of, interleaved
-from fomrc_core.chain_kernels import forward, inverse
-from fomrc_core.creep import creep_block
-from fomrc_core.hysteresis import hysteresis_block, move_stops_batch
-from fomrc_core.inverse import Compensator
+from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.kernels import forward, inverse
+from fomrc_core.operators.creep import creep_block
+from fomrc_core.operators.hysteresis import hysteresis_block, move_stops_batch
 
 
 def against_c(n: int = 1_000_000) -> list[Row]:
@@ -51,8 +51,14 @@ def against_c(n: int = 1_000_000) -> list[Row]:
             figure += f"; {own / seconds:.2f} x {label} ({1e9 * seconds / n:.1f})"
         plain = best.get("gcc -O3")
         bar = "" if name == "stops" else "<= 1.5 x C -O3"
-        rows.append(Row(f"{what}, n = 10, {model.creep_modes.n_modes} modes, 1M samples", figure, bar,
-                        None if not bar or plain is None else own <= 1.5 * plain))  # fmt: skip
+        rows.append(
+            Row(
+                f"{what}, n = 10, {model.creep_modes.n_modes} modes, 1M samples",
+                figure,
+                bar,
+                None if not bar or plain is None else own <= 1.5 * plain,
+            )
+        )
     return rows
 
 
@@ -66,11 +72,19 @@ def one_step(n: int = 100_000) -> list[Row]:
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     plain = json.loads(done.stdout)
     return [
-        Row("one step with numba", f"forward {compiled[0]:.2f} us, inverse {compiled[1]:.2f} us", "<= 0.5 us",
-            max(compiled) <= 0.5),
-        Row("one step in plain Python", f"forward {plain[0]:.2f} us, inverse {plain[1]:.2f} us", "<= 4 us",
-            max(plain) <= 4.0),
-    ]  # fmt: skip
+        Row(
+            "one step with numba",
+            f"forward {compiled[0]:.2f} us, inverse {compiled[1]:.2f} us",
+            "<= 0.5 us",
+            max(compiled) <= 0.5,
+        ),
+        Row(
+            "one step in plain Python",
+            f"forward {plain[0]:.2f} us, inverse {plain[1]:.2f} us",
+            "<= 4 us",
+            max(plain) <= 4.0,
+        ),
+    ]
 
 
 def _step_costs(n: int) -> tuple[float, float]:
@@ -106,9 +120,9 @@ def flatness(longest: int = 100_000_000) -> list[Row]:
             forward(state.packed, model.at_creep, long_voltage[:n], long_steps[:n], long_out[:n])
             at += n
         # here, on copies of the state: the same samples again and again, as often as the best needs
-        costs[mark] = 1e9 / n_part * best_of(
-            lambda: forward(state.packed.copy(), model.at_creep, voltage, steps, out), 200
-        )  # fmt: skip
+        costs[mark] = (
+            1e9 / n_part * best_of(lambda: forward(state.packed.copy(), model.at_creep, voltage, steps, out), 200)
+        )
     ratio = costs[10**7] / costs[10**4] if 10**7 in costs else float("nan")
     spread = max(costs.values()) / min(costs.values())
     text = ", ".join(f"{value:.1f} at 1e{len(str(mark)) - 1}" for mark, value in costs.items())
@@ -137,7 +151,7 @@ def starting() -> list[Row]:
     script = (
         "import time; t = [time.process_time()]\n"
         "import numpy; t.append(time.process_time())\n"
-        "import fomrc_core.model, fomrc_core.inverse; t.append(time.process_time())\n"
+        "import fomrc_core.model.piezo_model, fomrc_core.model.compensator; t.append(time.process_time())\n"
         "from fomrc_core.storage import read_model\n"
         "m = read_model('config/pi_p753_table1.yaml'); t.append(time.process_time())\n"
         "s = m.initial_state(); m.advance(s, 0.1, 1e-3); t.append(time.process_time())\n"
@@ -148,8 +162,14 @@ def starting() -> list[Row]:
     for _ in range(3):
         done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
         best = [min(a, float(b)) for a, b in zip(best, done.stdout.split(), strict=True)]
-    fresh = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True,
-                           env=_environment_without_cache())  # fmt: skip
+    fresh = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=_environment_without_cache(),
+    )
     compile_s = float(fresh.stdout.split()[3])
     return [
         Row("import of model and inverse, beside numpy", f"{best[1]:.2f} s CPU (numpy {best[0]:.2f} s)"),

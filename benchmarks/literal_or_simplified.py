@@ -9,22 +9,18 @@ import time
 
 import numpy as np
 
-from fomrc_core import excitation
-from fomrc_core.literal_model import LiteralModel
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.literal_model import LiteralModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records import excitation
 
-KAPPA = np.array(
-    [10.4571, 23.6702, 19.4110, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808]
-)
+KAPPA = np.array([10.4571, 23.6702, 19.4110, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808])
 SATURATION = np.array([0.0368, 0.0364, 0.0370, 0.0168, 0.0432, 0.0320, 0.0525, 0.0262, 0.0167, 0.1036])
 ORDER = 0.015
 
 
 def signals() -> dict[str, excitation.Excitation]:
     slopes = {
-        f"triangle, {slope:g} V/s": excitation.triangle(
-            2.5, slope_v_per_s=slope, rate_hz=min(1000.0, 1000.0 * slope)
-        )
+        f"triangle, {slope:g} V/s": excitation.triangle(2.5, slope_v_per_s=slope, rate_hz=min(1000.0, 1000.0 * slope))
         for slope in (0.1, 1.0, 10.0, 200.0)
     }
     return {

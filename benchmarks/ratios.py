@@ -37,9 +37,10 @@ def machine() -> list[str]:
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "numba"))
     return [
         f"Machine: {os.cpu_count()} x {model.group(1) if model else platform.processor()}"
-        + (f" at {float(mhz.group(1)) / 1000.0:.1f} GHz" if mhz else "") + f", {platform.system()}.",
+        + (f" at {float(mhz.group(1)) / 1000.0:.1f} GHz" if mhz else "")
+        + f", {platform.system()}.",
         f"Versions: Python {platform.python_version()}, {versions}, {gcc[0] if gcc else 'no gcc'}.",
-    ]  # fmt: skip
+    ]
 
 
 def table(rows: list[Row]) -> str:

@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.subjects import ROOT, STEP_S, table_1
 from benchmarks.timing import Row, best_of
-from fomrc_core.creep import creep_block, creep_modes, integrate
-from fomrc_core.creep_full_memory import creep_full_memory
-from fomrc_core.hysteresis import hysteresis_block, move_stops_batch
+from fomrc_core.operators.creep import creep_block, creep_modes, integrate
+from fomrc_core.operators.creep_full_memory import creep_full_memory
+from fomrc_core.operators.hysteresis import hysteresis_block, move_stops_batch
 
 _ENVIRONMENT = ROOT / ".venv" / "rivals"
 _PACKAGES = ("pycaputo", "differint", "openseespy==3.7.1.2")
@@ -96,8 +96,14 @@ def creep_rows(n: int = 60_000) -> list[Row]:
             ratio = seconds / min(as_good)[0] if as_good else float("nan")
             if as_good:
                 text += f"; {ratio:.0f} x slower than {min(as_good)[1]}, which is no less exact"
-            rows.append(Row(f"creep, {name} {version}", text, ">= 1000 x" if is_exact else "",
-                            ratio >= 1000.0 if is_exact else None))  # fmt: skip
+            rows.append(
+                Row(
+                    f"creep, {name} {version}",
+                    text,
+                    ">= 1000 x" if is_exact else "",
+                    ratio >= 1000.0 if is_exact else None,
+                )
+            )
     return rows
 
 
@@ -122,5 +128,11 @@ def hysteresis_rows(n: int = 200_000) -> list[Row]:
         f"{1e9 * seconds / n:.1f} ns/sample against {1e9 * theirs / n:.0f}: {theirs / seconds:.0f} x "
         f"(the two differ by {difference:.0e})"
     )
-    return [Row(f"hysteresis alone against the chain of openseespy {version}, 11 elements", text, ">= 50 x",
-                theirs >= 50.0 * seconds)]  # fmt: skip
+    return [
+        Row(
+            f"hysteresis alone against the chain of openseespy {version}, 11 elements",
+            text,
+            ">= 50 x",
+            theirs >= 50.0 * seconds,
+        )
+    ]

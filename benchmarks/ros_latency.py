@@ -25,8 +25,8 @@ from std_msgs.msg import Float64
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fomrc_ros.node_processes import NodeProcess, private_environment
-from fomrc_ros.node_runtime import make_executor
+from fomrc_ros.demo.node_processes import NodeProcess, private_environment
+from fomrc_ros.node.runtime import make_executor
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODEL = REPOSITORY / "config" / "pi_p753_table1.yaml"
@@ -76,9 +76,13 @@ def main() -> int:
         logs = Path(folder)
         common = {"rate_hz": options.rate}
         nodes = {
-            "compensator": NodeProcess("fomrc_ros.compensator_node", "/", [MODEL], common, environment, logs / "c"),
+            "compensator": NodeProcess("fomrc_ros.compensator.node", "/", [MODEL], common, environment, logs / "c"),
             "simulated_pea": NodeProcess(
-                "fomrc_ros.simulated_pea_node", "/", [MODEL], {**common, "plant": options.plant}, environment,
+                "fomrc_ros.simulated_stage.node",
+                "/",
+                [MODEL],
+                {**common, "plant": options.plant},
+                environment,
                 logs / "s",
             ),
         }

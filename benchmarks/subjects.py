@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage import read_model
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +28,7 @@ def drive(n_samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 def record(n_samples: int, noise_um: float, seed: int = 1):
     """Return a recording of the model: triangle of decreasing amplitude and staircase, with noise."""
-    from fomrc_core.recording import Recording
+    from fomrc_core.records.recording import Recording
 
     t = STEP_S * np.arange(n_samples)
     total = t[-1]

@@ -28,7 +28,7 @@ def memory() -> list[Row]:
     )
     day = (
         "import numpy as np; from benchmarks.subjects import drive, table_1\n"
-        "from fomrc_core.streaming import Chunk, stream\n"
+        "from fomrc_core.model.streaming import Chunk, stream\n"
         "s, u = drive(200_000); n = 0\n"
         "for x in stream(table_1(), (Chunk(s, u) for _ in range({chunks}))): n += x.size\n"
         "assert n == {chunks} * 200_000\n" + _PEAK
@@ -40,12 +40,19 @@ def memory() -> list[Row]:
         done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
         peak[name], seconds[name] = float(done.stdout.split()[-1]), time.perf_counter() - start
     return [
-        Row("an hour at 1 kHz in one batch, peak memory of the process", f"{peak['hour']:.0f} MB", "< 500 MB",
-            peak["hour"] < 500.0),
-        Row("a day at 1 kHz in chunks, peak memory of the process",
+        Row(
+            "an hour at 1 kHz in one batch, peak memory of the process",
+            f"{peak['hour']:.0f} MB",
+            "< 500 MB",
+            peak["hour"] < 500.0,
+        ),
+        Row(
+            "a day at 1 kHz in chunks, peak memory of the process",
             f"{peak['day']:.0f} MB in {seconds['day']:.1f} s; {peak['minutes']:.0f} MB for 400 s of it",
-            "constant", peak["day"] <= 1.05 * peak["minutes"]),
-    ]  # fmt: skip
+            "constant",
+            peak["day"] <= 1.05 * peak["minutes"],
+        ),
+    ]
 
 
 def identification() -> list[Row]:
@@ -65,7 +72,7 @@ def identification() -> list[Row]:
 
 def identify_once(n: int = 60_000, noise_um: float = 1e-3) -> tuple[float, float, float]:
     """Return processor time [s] of an identification after a warm-up, rms over noise, relative error of the order."""
-    from fomrc_core.identification import identify
+    from fomrc_core.identification.convex import identify
 
     measured = record(n, noise_um)
     identify(record(4000, noise_um), n_elements=10)
@@ -81,9 +88,9 @@ def diagnosis(n: int = 90_000) -> list[Row]:
     """Diagnose a record of 90 000 samples that hides an amplifier's bandwidth."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from fomrc_core.diagnosis import diagnose
+    from fomrc_core.diagnosis.diagnosis import diagnose
     from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
-    from fomrc_core.recording import Recording
+    from fomrc_core.records.recording import Recording
 
     plain = record(n, 0.0)
     hidden = table_1().with_effects(AmplifierBandwidth(cutoff_hz=40.0))
@@ -97,8 +104,14 @@ def diagnosis(n: int = 90_000) -> list[Row]:
         found = diagnose(measured, executor=executor)
         seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
     first = found.findings[0].cause if found.findings else "none"
-    return [Row(f"diagnose {n} samples, all causes, 2 threads", f"{seconds:.1f} s ({cpu:.1f} s CPU), found {first}",
-                "<= 15 s", seconds <= 15.0)]  # fmt: skip
+    return [
+        Row(
+            f"diagnose {n} samples, all causes, 2 threads",
+            f"{seconds:.1f} s ({cpu:.1f} s CPU), found {first}",
+            "<= 15 s",
+            seconds <= 15.0,
+        )
+    ]
 
 
 def fleet(n_records: int = 64, n_samples: int = 60_000) -> list[Row]:
@@ -131,7 +144,7 @@ def _fleet_run(folder: Path, n_workers: int) -> tuple[float, float, float]:
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    from fomrc_core.fleet import identify_fleet, records_in
+    from fomrc_core.identification.fleet import identify_fleet, records_in
 
     paths = records_in(folder)
     with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from benchmarks.subjects import MODEL_FILE, ROOT, STEP_S, drive, record, table_1
-from fomrc_core.creep import creep_block, integrate
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.transport_delay import TransportDelay
-from fomrc_core.hysteresis import hysteresis_block, move_plays_batch, move_stops_batch
-from fomrc_core.inverse import Compensator
+from fomrc_core.model.compensator import Compensator
+from fomrc_core.operators.creep import creep_block, integrate
+from fomrc_core.operators.hysteresis import hysteresis_block, move_plays_batch, move_stops_batch
 
 N = 100_000
 
@@ -65,11 +65,11 @@ def test_one_step(benchmark, model, direction):
 
 @pytest.mark.parametrize("direction", ["forward", "inverse"])
 def test_one_step_without_numba(benchmark, model, direction):
-    from fomrc_core.plain_chain import PlainChain
+    from fomrc_core.model.plain_kernels import PlainKernels
 
     runner = model if direction == "forward" else Compensator(model)
     state = runner.initial_state()
-    step = getattr(PlainChain(state.packed, runner.at_creep), direction)
+    step = getattr(PlainKernels(state.packed, runner.at_creep), direction)
     benchmark(step, 0.5, STEP_S)
 
 
@@ -80,7 +80,8 @@ def test_model_load(benchmark):
 
 
 def test_import(benchmark):
-    script = "import time, json, numpy; t = time.process_time(); import fomrc_core.model, fomrc_core.inverse\n"
+    script = "import time, json, numpy; t = time.process_time(); import fomrc_core.model.piezo_model\n"
+    script += "import fomrc_core.model.compensator\n"
     script += "print(json.dumps(time.process_time() - t))"
 
     def start():
@@ -91,12 +92,12 @@ def test_import(benchmark):
 
 
 def test_identification(benchmark):
-    from fomrc_core.identification import identify
+    from fomrc_core.identification.convex import identify
 
     benchmark.pedantic(identify, args=(record(60_000, 1e-3),), rounds=3, warmup_rounds=1)
 
 
 def test_diagnosis(benchmark):
-    from fomrc_core.diagnosis import diagnose
+    from fomrc_core.diagnosis.diagnosis import diagnose
 
     benchmark.pedantic(diagnose, args=(record(20_000, 1e-3),), rounds=1, warmup_rounds=1)

@@ -15,9 +15,7 @@ _PACKAGE = ElementTree.parse(_ROOT / "package.xml").getroot()
 
 def _commands() -> dict[str, tuple[str, str]]:
     """Module and function of each command."""
-    return {
-        name: (module, function) for name, module, function in re.findall(r'"(\w+) = ([\w.]+):(\w+)"', _SETUP)
-    }
+    return {name: (module, function) for name, module, function in re.findall(r'"(\w+) = ([\w.]+):(\w+)"', _SETUP)}
 
 
 def _defined(module: str) -> set[str]:

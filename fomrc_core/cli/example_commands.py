@@ -37,7 +37,7 @@ def compare(
     topics: Topics = None,
 ) -> None:
     """Compare the model with those of the field, on the same data with the same split."""
-    from fomrc_core.comparison import compare as score_all
+    from fomrc_core.comparison.comparison import compare as score_all
     from fomrc_core.storage import make_directory, read_model
 
     extended = read_model(model) if model else None
@@ -51,7 +51,7 @@ def compare(
 
 def reproduce(output: OutputDirectory) -> None:
     """Reproduce the paper's tables and figures on simulated data with the same excitations."""
-    from fomrc_core.reproduction import reproduce as reproduce_all
+    from fomrc_core.reproduction.reproduction import reproduce as reproduce_all
     from fomrc_core.storage import make_directory
 
     folder = make_directory(output)
@@ -69,8 +69,8 @@ def data(
     ] = None,
 ) -> None:
     """Find measured examples, fetching what is not on this machine."""
-    from fomrc_core.data_sources import DATA_SETS, locate
     from fomrc_core.storage import make_directory
+    from fomrc_core.storage.measured_examples import DATA_SETS, locate
 
     missing = []
     for name in names or DATA_SETS:
@@ -103,12 +103,12 @@ def demo(context: typer.Context) -> None:
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     sys.stdout.flush()
     # In place of this process, so that signals and the exit status need nobody to pass them on.
-    os.execve(sys.executable, [sys.executable, "-m", "fomrc_ros.demo", *context.args], environment)
+    os.execve(sys.executable, [sys.executable, "-m", "fomrc_ros.demo.demo", *context.args], environment)
 
 
 def _exported(name: str, folder: Path) -> list[Path]:
-    from fomrc_core.data_sources import fsm, pea_1hz
     from fomrc_core.storage import write_recording
+    from fomrc_core.storage.measured_examples import fsm, pea_1hz
 
     if name == "pea_1hz":
         train, test = pea_1hz()

@@ -11,7 +11,7 @@ from fomrc_core.cli.options import say
 from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from fomrc_core.excitation import Excitation
+    from fomrc_core.records.excitation import Excitation
 
 excite = typer.Typer(
     help="Write a drive voltage, columns time_s and voltage_v; defaults are the paper's.",
@@ -37,7 +37,7 @@ def relax(
     rate: Rate = 1000.0,
 ) -> None:
     """Oscillation that dies away and leaves the actuator relaxed, (27)-(28)."""
-    from fomrc_core.excitation import relaxation
+    from fomrc_core.records.excitation import relaxation
 
     _write(
         relaxation(amplitude, duration_s=duration, frequency_hz=frequency, rest_s=rest, offset_v=offset, rate_hz=rate),
@@ -56,7 +56,7 @@ def triangle(
     rate: Rate = 1000.0,
 ) -> None:
     """Triangle of decreasing amplitude, figure 9(a)."""
-    from fomrc_core import excitation
+    from fomrc_core.records import excitation
 
     _write(
         excitation.triangle(
@@ -83,7 +83,7 @@ def staircase(
     rate: Rate = 1000.0,
 ) -> None:
     """Staircase of decreasing amplitude, figure 9(b)."""
-    from fomrc_core import excitation
+    from fomrc_core.records import excitation
 
     _write(
         excitation.staircase(
@@ -109,7 +109,7 @@ def steps(
     rate: Rate = 1000.0,
 ) -> None:
     """Steps through given levels, figure 11."""
-    from fomrc_core import excitation
+    from fomrc_core.records import excitation
 
     try:
         levels_v = [float(level) for level in levels.split(",")]
@@ -131,7 +131,7 @@ def multisine(
     rate: Rate = 1000.0,
 ) -> None:
     """Random-phase multisine, repeated."""
-    from fomrc_core import excitation
+    from fomrc_core.records import excitation
 
     _write(
         excitation.multisine(
@@ -152,5 +152,7 @@ def _write(drive: Excitation, output: Path) -> None:
     from fomrc_core.storage import write_recording
 
     write_recording(drive.to_recording(), output)
-    say(f"{drive.name}: {drive.n_samples} samples, {drive.duration_s:g} s, "
-        f"{drive.voltage_v.min():g} to {drive.voltage_v.max():g} V")  # fmt: skip
+    say(
+        f"{drive.name}: {drive.n_samples} samples, {drive.duration_s:g} s, "
+        f"{drive.voltage_v.min():g} to {drive.voltage_v.max():g} V"
+    )

@@ -24,8 +24,8 @@ from fomrc_core.cli.options import (
 from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from fomrc_core.identification import Fit
-    from fomrc_core.uncertainty import Uncertainty
+    from fomrc_core.identification.convex import Fit
+    from fomrc_core.identification.uncertainty import Uncertainty
 
 HeldOut = Annotated[Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")]
 
@@ -59,9 +59,9 @@ def identify(
 
     Writes a model file, which is a ROS parameter file as well. How good the fit is stands on standard output.
     """
-    from fomrc_core.identification import identify as fit_to
+    from fomrc_core.identification.convex import identify as fit_to
+    from fomrc_core.identification.uncertainty import estimate_uncertainty
     from fomrc_core.storage import write_model, write_text
-    from fomrc_core.uncertainty import estimate_uncertainty
 
     n_elements = _element_count(elements)
     records = [read(path, columns, rate, topics) for path in recordings]
@@ -79,8 +79,10 @@ def identify(
             results["uncertainty"] = uncertainty_results(sure)
         write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", json_file)
     print(f"{fit.outcome.value}: {fit.reason}")
-    print(f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
-          f"{fit.model.n_elements} elements")  # fmt: skip
+    print(
+        f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
+        f"{fit.model.n_elements} elements"
+    )
     print(f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)")
     if held_out is not None:
         print(f"NRMSE {fit.test_nrmse_percent:.4g} % held out ({held_out.name})")
@@ -164,9 +166,9 @@ def diagnose(
 
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
-    from fomrc_core.diagnosis import diagnose as find_causes
-    from fomrc_core.identification import check_usable
-    from fomrc_core.report import write_report
+    from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
+    from fomrc_core.identification.convex import check_usable
+    from fomrc_core.report.diagnosis_files import write_report
     from fomrc_core.storage import make_directory, read_model
 
     base = read_model(model) if model else None

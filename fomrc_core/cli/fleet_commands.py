@@ -35,24 +35,29 @@ def identify_fleet(
     Writes NAME.model.yaml and NAME.fit.json for each. Run again after an interruption to go on: what is done is
     kept. A record that fails is told and passed over; exit status 2 says that there were such.
     """
-    from fomrc_core import fleet
+    from fomrc_core.identification import fleet
     from fomrc_core.storage import make_directory
 
     numbers = column_numbers(columns)
     options = fleet.FleetOptions(
-        n_elements=_element_count(elements), method=method.value,
-        columns=tuple(numbers.items()) if numbers else None, rate_hz=rate,
-    )  # fmt: skip
+        n_elements=_element_count(elements),
+        method=method.value,
+        columns=tuple(numbers.items()) if numbers else None,
+        rate_hz=rate,
+    )
     recordings = fleet.records_in(folder)
     make_directory(output)
     with progress_shown("identify-fleet") as progress, _workers_of(scheduler) as executor:
-        records = fleet.identify_fleet(recordings, output, options=options, executor=executor, n_workers=workers,
-                                       progress=progress)  # fmt: skip
+        records = fleet.identify_fleet(
+            recordings, output, options=options, executor=executor, n_workers=workers, progress=progress
+        )
     failed = [record for record in records if not record.is_done]
     for record in records:
         if record.is_done:
-            print(f"{record.name}: creep order {record.creep_order:.5g}, NRMSE {record.nrmse_percent:.4g} %"
-                  f"{' (kept)' if record.is_kept else ''}")  # fmt: skip
+            print(
+                f"{record.name}: creep order {record.creep_order:.5g}, NRMSE {record.nrmse_percent:.4g} %"
+                f"{' (kept)' if record.is_kept else ''}"
+            )
     for record in failed:
         say(f"fomrc: {record.name} failed: {record.reason}")
     print(f"{len(records) - len(failed)} of {len(records)} recordings identified, models in {output}")
@@ -67,12 +72,17 @@ def _workers_of(scheduler: str | None) -> Iterator[Executor | None]:
     try:
         from distributed import Client
     except ImportError:
-        raise ParameterError("Dask is not installed", where="--scheduler", value=scheduler,
-                             allowed="after: pip install distributed") from None  # fmt: skip
+        raise ParameterError(
+            "Dask is not installed", where="--scheduler", value=scheduler, allowed="after: pip install distributed"
+        ) from None
     try:
         client = Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
-        raise ParameterError(f"no scheduler reached ({error})", where="--scheduler", value=scheduler,
-                             allowed="HOST:PORT of a running one") from None  # fmt: skip
+        raise ParameterError(
+            f"no scheduler reached ({error})",
+            where="--scheduler",
+            value=scheduler,
+            allowed="HOST:PORT of a running one",
+        ) from None
     with client, client.get_executor() as executor:
         yield executor

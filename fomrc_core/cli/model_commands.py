@@ -40,8 +40,8 @@ def simulate(
     """
     import numpy as np
 
-    from fomrc_core.record_start import estimate_start, relaxed_start, simulate_from
-    from fomrc_core.residual import nrmse_percent, residual_um, rms
+    from fomrc_core.model.record_start import estimate_start, relaxed_start, simulate_from
+    from fomrc_core.records.residual import nrmse_percent, residual_um, rms
     from fomrc_core.storage import read_model, write_columns
 
     actuator = read_model(model)
@@ -77,8 +77,8 @@ def compensate(
     Writes time_s, voltage_v and desired_um. What a model holds beside hysteresis and creep is inverted where
     it can be; what is not is named, with the reason.
     """
-    from fomrc_core.inverse import Compensator
-    from fomrc_core.recording import Recording
+    from fomrc_core.model.compensator import Compensator
+    from fomrc_core.records.recording import Recording
     from fomrc_core.storage import read_model, read_target, write_columns
 
     compensator = Compensator(read_model(model))

@@ -15,7 +15,7 @@ import typer
 from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from fomrc_core.recording import Recording
+    from fomrc_core.records.recording import Recording
 
 Progress = Callable[[float, str], None]
 
@@ -61,8 +61,9 @@ def column_numbers(text: str | None) -> dict[str, int | None] | None:
         elif column.isascii() and column.isdigit():
             numbers[quantity] = int(column)
         else:
-            raise ParameterError("no column number", where=f"--columns {quantity}", value=column,
-                                 allowed="0, 1, 2, ... or none")  # fmt: skip
+            raise ParameterError(
+                "no column number", where=f"--columns {quantity}", value=column, allowed="0, 1, 2, ... or none"
+            )
     return numbers
 
 

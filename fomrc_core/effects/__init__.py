@@ -9,12 +9,10 @@ import importlib
 import pkgutil
 from functools import cache
 
-from fomrc_core.effects.effect import Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Effect, Parameter, Place, Stage
 from fomrc_core.errors import ParameterError
 
 __all__ = ["Effect", "Parameter", "Place", "Stage", "effect_class", "effect_classes"]
-
-_NOT_EFFECTS = {"effect", "evidence", "kernels"}
 
 
 @cache
@@ -22,7 +20,7 @@ def effect_classes() -> dict[str, type[Effect]]:
     """Return every effect class by its name, in the order of the chain."""
     found: list[type[Effect]] = []
     for module_info in pkgutil.iter_modules(__path__):
-        if module_info.name in _NOT_EFFECTS:
+        if module_info.ispkg:
             continue
         module = importlib.import_module(f"{__name__}.{module_info.name}")
         for value in vars(module).values():

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import Evidence
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.errors import ParameterError
 
 _NO_LIMIT_V = 1e6
@@ -38,8 +38,9 @@ class AmplifierSaturation(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.low_v < self.high_v:
-            raise ParameterError("low_v is not below high_v", where=self.name, value=(self.low_v, self.high_v),
-                                 allowed="low_v < high_v")  # fmt: skip
+            raise ParameterError(
+                "low_v is not below high_v", where=self.name, value=(self.low_v, self.high_v), allowed="low_v < high_v"
+            )
 
     def initial_state(self) -> Array:
         """Return an empty state: the clamp has no memory."""

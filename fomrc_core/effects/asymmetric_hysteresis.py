@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import MANY_LOOPS, Evidence
-from fomrc_core.effects.kernels import knee_block, run_knees
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.evidence import MANY_LOOPS, Evidence
+from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
 _THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
@@ -54,9 +54,12 @@ class AsymmetricHysteresis(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not len(self.thresholds_v) == len(self.knees_v) == len(self.weights_um_per_v):
-            raise ParameterError("lists differ in length", where=self.name,
-                                 value=(len(self.thresholds_v), len(self.knees_v), len(self.weights_um_per_v)),
-                                 allowed="three lists of one length")  # fmt: skip
+            raise ParameterError(
+                "lists differ in length",
+                where=self.name,
+                value=(len(self.thresholds_v), len(self.knees_v), len(self.weights_um_per_v)),
+                allowed="three lists of one length",
+            )
 
     def initial_state(self) -> Array:
         """Return the packed one-sided plays, relaxed."""
@@ -86,8 +89,12 @@ class AsymmetricHysteresis(Effect):
         for _ in range(60):
             slope = 1.0 + drive * (2.0 * self.warp_per_v + 3.0 * self.warp_per_v2 * drive)
             if np.any(slope <= 0.0):
-                raise ParameterError("drive warp turns back", where=self.name, value=self.warp_per_v,
-                                     allowed="a warp that rises over the range")  # fmt: skip
+                raise ParameterError(
+                    "drive warp turns back",
+                    where=self.name,
+                    value=self.warp_per_v,
+                    allowed="a warp that rises over the range",
+                )
             step = (self.warp(drive) - warped_v) / slope
             drive = drive - step
             if np.all(np.abs(step) <= 1e-15 * (1.0 + np.abs(drive))):

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.kernels import knee_block, run_knees
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
 
@@ -39,9 +39,12 @@ class MissingHysteresis(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.thresholds_v) != len(self.weights_um_per_v):
-            raise ParameterError("lists differ in length", where=self.name,
-                                 value=(len(self.thresholds_v), len(self.weights_um_per_v)),
-                                 allowed="two lists of one length")  # fmt: skip
+            raise ParameterError(
+                "lists differ in length",
+                where=self.name,
+                value=(len(self.thresholds_v), len(self.weights_um_per_v)),
+                allowed="two lists of one length",
+            )
 
     def initial_state(self) -> Array:
         """Return the packed plays, relaxed."""

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.compiled import compiled
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import Evidence
-from fomrc_core.effects.kernels import lag_weights, run_lag
+from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.kernels import lag_weights, run_lag
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,9 @@ class SlowRelaxation(Effect):
 
 
 @compiled
-def _invert_relaxation(state: Array, amplitude: float, time_constant_s: float, values: Array, steps_s: Array,
-                       out: Array) -> None:  # fmt: skip
+def _invert_relaxation(
+    state: Array, amplitude: float, time_constant_s: float, values: Array, steps_s: Array, out: Array
+) -> None:
     late, before = state[0], state[1]
     for k in range(values.size):
         decay, ramp = lag_weights(steps_s[k] / time_constant_s)

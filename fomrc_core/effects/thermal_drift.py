@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import Evidence
-from fomrc_core.effects.kernels import elapsed_times
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.kernels import elapsed_times
 
 _QUICKEST_WARM_UP = 0.08  # of the longest record
 

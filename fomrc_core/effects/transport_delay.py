@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.evidence import Evidence
-from fomrc_core.effects.kernels import DELAY_CAPACITY, delay_state, run_delay
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_delay
 from fomrc_core.errors import ParameterError
 
 
@@ -42,8 +42,12 @@ class TransportDelay(Effect):
         """
         out = np.empty(values.size)
         if not run_delay(state, self.delay_s, values, steps_s, out):
-            raise ParameterError("delay holds too many steps", where=f"{self.name}.delay_s", value=self.delay_s,
-                                 allowed=f"up to {DELAY_CAPACITY - 1} steps, substeps counted")  # fmt: skip
+            raise ParameterError(
+                "delay holds too many steps",
+                where=f"{self.name}.delay_s",
+                value=self.delay_s,
+                allowed=f"up to {DELAY_CAPACITY - 1} steps, substeps counted",
+            )
         return out
 
     @classmethod

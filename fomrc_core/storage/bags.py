@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.errors import StorageError
-from fomrc_core.recording import Recording
+from fomrc_core.records.recording import Recording
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -130,8 +130,9 @@ def _typestore() -> Any:
 def _choose_topics(reader: AnyReader, topics: Mapping[str, str], where: str) -> dict[str, Connection]:
     for quantity in topics:
         if quantity not in _QUANTITIES:
-            raise StorageError("unknown quantity in topics", where=where, value=quantity,
-                               allowed=", ".join(_QUANTITIES))  # fmt: skip
+            raise StorageError(
+                "unknown quantity in topics", where=where, value=quantity, allowed=", ".join(_QUANTITIES)
+            )
     chosen: dict[str, Connection] = {}
     for quantity, (last_name, _, _) in _QUANTITIES.items():
         if quantity in topics:
@@ -140,8 +141,12 @@ def _choose_topics(reader: AnyReader, topics: Mapping[str, str], where: str) -> 
             candidates = [c for c in reader.connections if c.topic.rpartition("/")[2] == last_name]
         names = sorted({connection.topic for connection in candidates})
         if len(names) > 1:
-            raise StorageError(f"several topics could be the {quantity}", where=where, value=names,
-                               allowed=f"one, named by --topics {quantity}=...")  # fmt: skip
+            raise StorageError(
+                f"several topics could be the {quantity}",
+                where=where,
+                value=names,
+                allowed=f"one, named by --topics {quantity}=...",
+            )
         if not names and (quantity in topics or quantity == "voltage"):
             raise StorageError(
                 f"no topic for the {quantity}",
@@ -161,9 +166,7 @@ def _choose_topics(reader: AnyReader, topics: Mapping[str, str], where: str) -> 
     return chosen
 
 
-def _read_topic(
-    reader: AnyReader, connection: Connection, where: str
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _read_topic(reader: AnyReader, connection: Connection, where: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     value_of = _VALUE_OF_TYPE[connection.msgtype]
     stamps_ns, values = [], []
     same_topic = [c for c in reader.connections if c.topic == connection.topic]
@@ -175,9 +178,10 @@ def _read_topic(
             values.append(float(value_of(message)))
         except IndexError:
             raise StorageError(
-                f"message {len(values) + 1} of {connection.topic} has no position", where=where,
+                f"message {len(values) + 1} of {connection.topic} has no position",
+                where=where,
                 allowed="JointState with at least one position",
-            ) from None  # fmt: skip
+            ) from None
         stamps_ns.append(stamped_ns or recorded_ns)
     if not values:
         raise StorageError(f"topic {connection.topic} holds no messages", where=where, allowed="2 or more")
@@ -187,9 +191,7 @@ def _read_topic(
 def _aligned(series: dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]], where: str) -> Recording:
     for quantity, (stamps_ns, _) in series.items():
         if np.any(np.diff(stamps_ns) < 0):
-            raise StorageError(
-                f"stamps of the {quantity} go backwards", where=where, allowed="increasing time"
-            )
+            raise StorageError(f"stamps of the {quantity} go backwards", where=where, allowed="increasing time")
     clock = "displacement" if "displacement" in series else "voltage"
     times_ns = series[clock][0]
     times_ns = times_ns[times_ns >= series["voltage"][0][0]]

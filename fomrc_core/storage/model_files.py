@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from fomrc_core.errors import ParameterError, StorageError
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage.atomic import read_text, write_text
 from fomrc_core.storage.plain_yaml import load_yaml
 
@@ -80,11 +80,14 @@ def _model_block(content: Any, where: str) -> dict[str, Any]:
     elif blocks:
         raise StorageError("several nodes have a model", where=where, value=sorted(blocks), allowed="one")
     else:
-        raise StorageError("no model in the file", where=where, value=[str(key) for key in content],
-                           allowed=_NESTING)  # fmt: skip
+        raise StorageError("no model in the file", where=where, value=[str(key) for key in content], allowed=_NESTING)
     if not isinstance(chosen, dict):
-        raise StorageError("not a block of parameters", where=f"{where}, model", value=type(chosen).__name__,
-                           allowed="kappa_um_per_v, saturation_v, creep_order, ...")  # fmt: skip
+        raise StorageError(
+            "not a block of parameters",
+            where=f"{where}, model",
+            value=type(chosen).__name__,
+            allowed="kappa_um_per_v, saturation_v, creep_order, ...",
+        )
     return chosen
 
 

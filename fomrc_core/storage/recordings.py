@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.errors import StorageError
-from fomrc_core.recording import Recording
+from fomrc_core.records.recording import Recording
 from fomrc_core.storage.atomic import read_text, write_text
 from fomrc_core.storage.bags import is_bag, read_bag
 from fomrc_core.storage.tables import TextTable, number_or_none
@@ -26,9 +26,12 @@ _HEADER_NAMES: dict[str, tuple[str, ...]] = {
     "temperature_c": (),
     "cross_voltage_v": ("second_voltage_v", "other_voltage_v", "voltage2_v", "voltage_2_v"),
     "cross_displacement_um": (
-        "second_displacement_um", "other_displacement_um", "displacement2_um", "displacement_2_um",
+        "second_displacement_um",
+        "other_displacement_um",
+        "displacement2_um",
+        "displacement_2_um",
     ),
-}  # fmt: skip
+}
 _FIELD_OF_HEADER = {alias: field for field, others in _HEADER_NAMES.items() for alias in (field, *others)}
 # 'time' for time_s and so on: what --columns calls them.
 _FIELD_OF_QUANTITY = {field.rpartition("_")[0]: field for field in _HEADER_NAMES}
@@ -158,16 +161,12 @@ def _columns_as_told(table: TextTable, columns: Mapping[str, int | None]) -> tup
         field = _FIELD_OF_QUANTITY.get(quantity, quantity)
         if field not in _HEADER_NAMES:
             allowed = ", ".join(_FIELD_OF_QUANTITY)
-            raise StorageError(
-                "unknown quantity in columns", where=table.where, value=quantity, allowed=allowed
-            )
+            raise StorageError("unknown quantity in columns", where=table.where, value=quantity, allowed=allowed)
         if column is None:
             continue
         if isinstance(column, bool) or not isinstance(column, int) or not 0 <= column < n_columns:
             allowed = f"0..{n_columns - 1}"
-            raise StorageError(
-                f"no such column for {quantity}", where=table.where, value=column, allowed=allowed
-            )
+            raise StorageError(f"no such column for {quantity}", where=table.where, value=column, allowed=allowed)
         found[field] = column
     return table, found
 
@@ -180,17 +179,23 @@ def _demand(found: Mapping[str, int], needed: Sequence[str], where: str, *, had_
             raise StorageError(what, where=where, value=sorted(found) or None, allowed=", ".join(needed))
 
 
-def _fields(
-    table: TextTable, found: Mapping[str, int], rate_hz: float | None
-) -> dict[str, NDArray[np.float64]]:
+def _fields(table: TextTable, found: Mapping[str, int], rate_hz: float | None) -> dict[str, NDArray[np.float64]]:
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise StorageError("rate must be positive", where=table.where, value=rate_hz, allowed="above 0 Hz")
     if "time_s" in found and rate_hz is not None:
-        raise StorageError("rate given though the file has time_s", where=table.where, value=rate_hz,
-                           allowed="a rate, or a time column, not both")  # fmt: skip
+        raise StorageError(
+            "rate given though the file has time_s",
+            where=table.where,
+            value=rate_hz,
+            allowed="a rate, or a time column, not both",
+        )
     if "time_s" not in found and rate_hz is None:
-        raise StorageError("no column time_s and no rate", where=table.where, value=sorted(found) or None,
-                           allowed="a time column, or a rate in Hz (--rate)")  # fmt: skip
+        raise StorageError(
+            "no column time_s and no rate",
+            where=table.where,
+            value=sorted(found) or None,
+            allowed="a time column, or a rate in Hz (--rate)",
+        )
     names = list(found)
     fields = dict(zip(names, table.numbers([found[name] for name in names], names), strict=True))
     if rate_hz is not None:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fomrc_core.recording import Recording
+from fomrc_core.records.recording import Recording
 
 if TYPE_CHECKING:
-    from fomrc_core.model import PiezoModel
+    from fomrc_core.model.piezo_model import PiezoModel
 
 __all__ = ["Recording", "to_model", "to_recording"]
 
@@ -38,6 +38,6 @@ def to_recording(
 
 def to_model(mapping: dict[str, object]) -> PiezoModel:
     """Read a model as from a model file."""
-    from fomrc_core.model import PiezoModel
+    from fomrc_core.model.piezo_model import PiezoModel
 
     return PiezoModel.from_mapping(mapping, where="coarse model")

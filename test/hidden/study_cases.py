@@ -162,7 +162,7 @@ def run(spec: Spec, folder: str) -> str:
     """Run one case, write its file, and return its key."""
     outcome: dict[str, Any] = {"spec": asdict(spec), "source": source_digest()}
     try:
-        from fomrc_core.diagnosis import diagnose
+        from fomrc_core.diagnosis.diagnosis import diagnose
 
         start_s = time.perf_counter()
         case = draw_case(spec.seed, spec.causes, noise_um=spec.noise_um, excitation=spec.excitation)

@@ -39,7 +39,7 @@ def run(case: Measured, folder: str) -> str:
     """Diagnose the measured actuator and write what came of it."""
     outcome: dict[str, Any] = {"spec": asdict(case), "source": source_digest()}
     try:
-        from fomrc_core.diagnosis import diagnose
+        from fomrc_core.diagnosis.diagnosis import diagnose
         from fomrc_core.storage import read_recording
 
         train, test = (

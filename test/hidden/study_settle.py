@@ -133,7 +133,7 @@ def run(settlement: Settlement, folder: str) -> str:
         "source": source_digest(),
     }
     try:
-        from fomrc_core.diagnosis import diagnose
+        from fomrc_core.diagnosis.diagnosis import diagnose
 
         case = _case(settlement)
         outcome["truth"] = truth_of(case)

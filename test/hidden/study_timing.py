@@ -42,7 +42,7 @@ def run(timing: Timing, folder: str) -> str:
     """Time one diagnosis and write what came of it."""
     outcome: dict[str, Any] = {"spec": asdict(timing), "source": source_digest()}
     try:
-        from fomrc_core.diagnosis import diagnose
+        from fomrc_core.diagnosis.diagnosis import diagnose
 
         case = draw_case(timing.seed, timing.causes)
         setup, rng = case.setup, chance(timing.seed, "lengthened")

@@ -36,7 +36,7 @@ _HIDDEN = np.random.default_rng(SEED).choice(CAUSES, _N_HIDDEN, replace=False).t
 
 @pytest.mark.parametrize(("seed", "cause"), [(SEED + k, cause) for k, cause in enumerate(_HIDDEN)])
 def test_hidden_cause_is_named_first(seed: int, cause: str) -> None:
-    from fomrc_core.diagnosis import diagnose
+    from fomrc_core.diagnosis.diagnosis import diagnose
 
     print(f"FOMRC_HIDDEN_SEED={SEED}")
     case = draw_case(seed, (cause,), excitation="short")
@@ -46,7 +46,7 @@ def test_hidden_cause_is_named_first(seed: int, cause: str) -> None:
 
 
 def test_nothing_is_named_where_nothing_is_hidden() -> None:
-    from fomrc_core.diagnosis import diagnose
+    from fomrc_core.diagnosis.diagnosis import diagnose
 
     print(f"FOMRC_HIDDEN_SEED={SEED}")
     case = draw_case(SEED, (), excitation="short")
@@ -56,7 +56,7 @@ def test_nothing_is_named_where_nothing_is_hidden() -> None:
 
 @pytest.mark.parametrize(("seed", "cause"), [(SEED + 13, "sensor_nonlinearity"), (SEED, _HIDDEN[0])])
 def test_what_stands_in_for_a_cause_that_is_not_known_does_not_explain_it(seed: int, cause: str) -> None:
-    from fomrc_core.diagnosis import Status, diagnose
+    from fomrc_core.diagnosis.diagnosis import Status, diagnose
 
     print(f"FOMRC_HIDDEN_SEED={SEED}")
     case = draw_case(seed, (cause,), excitation="short")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fomrc_core.diagnosis import diagnose
+from fomrc_core.diagnosis.diagnosis import diagnose
 from test.hidden.truth import draw_case
 
 

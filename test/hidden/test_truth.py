@@ -22,7 +22,7 @@ from test.hidden.truth import draw_case
 
 _HERE = Path(__file__).parent
 _TRUTH_FILES = [f for f in sorted(_HERE.glob("*.py")) if not f.name.startswith(("test_", "study"))]
-_HANDED_OVER = {("fomrc_core.recording", "Recording"), ("fomrc_core.model", "PiezoModel")}
+_HANDED_OVER = {("fomrc_core.records.recording", "Recording"), ("fomrc_core.model.piezo_model", "PiezoModel")}
 
 
 def _imports(path: Path) -> list[tuple[str, str]]:

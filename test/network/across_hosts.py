@@ -61,11 +61,20 @@ def remove_network() -> None:
 
 
 def in_host(host: str, *command: str, log: Path) -> subprocess.Popen:
-    environment = dict(os.environ, PYTHONPATH=str(REPOSITORY), ROS_DOMAIN_ID="17",
-                       ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET", FASTDDS_BUILTIN_TRANSPORTS="UDPv4")  # fmt: skip
+    environment = dict(
+        os.environ,
+        PYTHONPATH=str(REPOSITORY),
+        ROS_DOMAIN_ID="17",
+        ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET",
+        FASTDDS_BUILTIN_TRANSPORTS="UDPv4",
+    )
     with log.open("wb") as output:
-        return subprocess.Popen(["ip", "netns", "exec", namespace(host), sys.executable, *command], env=environment,
-                                stdout=output, stderr=output)  # fmt: skip
+        return subprocess.Popen(
+            ["ip", "netns", "exec", namespace(host), sys.executable, *command],
+            env=environment,
+            stdout=output,
+            stderr=output,
+        )
 
 
 def drive(path: Path) -> int:
@@ -76,7 +85,7 @@ def drive(path: Path) -> int:
     from rclpy.task import Future
     from std_msgs.msg import Float64
 
-    from fomrc_ros.node_runtime import make_executor
+    from fomrc_ros.node.runtime import make_executor
 
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("driver")
@@ -104,7 +113,7 @@ def watch(path: Path) -> int:
     from rclpy.task import Future
     from std_msgs.msg import Float64
 
-    from fomrc_ros.node_runtime import make_executor
+    from fomrc_ros.node.runtime import make_executor
 
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("watcher")
@@ -160,8 +169,8 @@ def main() -> int:
             stale = ["-p", "stale_after_s:=0.5", "-p", "stale_policy:=ramp", "-p", "safe_ramp_v_per_s:=5.0"]
             script = str(Path(__file__).resolve())
             processes += [
-                in_host("compensator", "-m", "fomrc_ros.compensator_node", *common, *stale, log=logs / "c"),
-                in_host("stage", "-m", "fomrc_ros.simulated_pea_node", *common, "-p", "plant:=fomrc", log=logs / "s"),
+                in_host("compensator", "-m", "fomrc_ros.compensator.node", *common, *stale, log=logs / "c"),
+                in_host("stage", "-m", "fomrc_ros.simulated_stage.node", *common, "-p", "plant:=fomrc", log=logs / "s"),
                 in_host("driver", script, "--drive", str(logs / "moved"), log=logs / "d"),
                 in_host("stage", script, "--watch", str(logs / "volts"), log=logs / "w"),
             ]

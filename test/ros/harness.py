@@ -27,16 +27,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from fomrc_core.inverse import Compensator
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.piezo_model import PiezoModel
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 MODULES = {
-    "compensator": "fomrc_ros.compensator_node",
-    "simulated_pea": "fomrc_ros.simulated_pea_node",
-    "identification": "fomrc_ros.identification_node",
-    "gap_command": "fomrc_ros.gap_nodes",
-    "gap_monitor": "fomrc_ros.gap_nodes",
+    "compensator": "fomrc_ros.compensator.node",
+    "simulated_pea": "fomrc_ros.simulated_stage.node",
+    "identification": "fomrc_ros.identification.node",
+    "gap_command": "fomrc_ros.gap.nodes",
+    "gap_monitor": "fomrc_ros.gap.nodes",
 }
 MODEL = {
     "kappa_um_per_v": [20.0, 12.0, 9.0, 1.4],
@@ -209,8 +209,14 @@ class Probe:
         request.transition.label = label
         return self.call(ChangeState, f"{node}/change_state", request).success
 
-    def drive(self, publisher, signal_m: Callable[[float], float], duration_s: float, rate_hz: float = 200.0,
-              name: str = "piezo") -> list[tuple[float, float]]:  # fmt: skip
+    def drive(
+        self,
+        publisher,
+        signal_m: Callable[[float], float],
+        duration_s: float,
+        rate_hz: float = 200.0,
+        name: str = "piezo",
+    ) -> list[tuple[float, float]]:
         """Publish a signal of time for a while; return when what was sent."""
         sent: list[tuple[float, float]] = []
         began = time.perf_counter()

@@ -16,11 +16,17 @@ from std_srvs.srv import Trigger
 
 COMMON = {"calibrate_step_v": 0.5, "safe_ramp_v_per_s": 20.0, "slew_limit_v_per_s": 2000.0}
 CAREFUL = COMMON | {
-    "relax_duration_s": 2.0, "relax_frequency_hz": 25.0, "calibrate_slope_v_per_s": 6.0, "calibrate_dwell_s": 0.15,
-}  # fmt: skip
+    "relax_duration_s": 2.0,
+    "relax_frequency_hz": 25.0,
+    "calibrate_slope_v_per_s": 6.0,
+    "calibrate_dwell_s": 0.15,
+}
 HASTY = COMMON | {
-    "relax_duration_s": 0.5, "relax_frequency_hz": 40.0, "calibrate_slope_v_per_s": 20.0, "calibrate_dwell_s": 0.03,
-}  # fmt: skip
+    "relax_duration_s": 0.5,
+    "relax_frequency_hz": 40.0,
+    "calibrate_slope_v_per_s": 20.0,
+    "calibrate_dwell_s": 0.03,
+}
 
 
 def nodes(tmp_path, start, **options):
@@ -145,8 +151,15 @@ def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start
     file = model_file(tmp_path / "wrong.yaml", **options)
     start("compensator", file, rate_hz=50.0)
     start("simulated_pea", file, plant="fomrc", rate_hz=50.0)
-    identification = start("identification", file, rate_hz=50.0, relax_frequency_hz=5.0, calibrate_slope_v_per_s=4.0,
-                           calibrate_dwell_s=0.3, n_elements=3)  # fmt: skip
+    identification = start(
+        "identification",
+        file,
+        rate_hz=50.0,
+        relax_frequency_hz=5.0,
+        calibrate_slope_v_per_s=4.0,
+        calibrate_dwell_s=0.3,
+        n_elements=3,
+    )
     clock = subprocess.Popen([sys.executable, "-c", CLOCK])
     try:
         moved = probe.record("displacement", JointState)

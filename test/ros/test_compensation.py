@@ -16,8 +16,15 @@ def swing(t: float) -> float:
 
 def test_voltage_is_the_models_and_goes_on_at_rest(tmp_path, probe, start):
     checkpoint = tmp_path / "memory"
-    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=500.0, checkpoint_file=checkpoint,
-                 checkpoint_period_s=3600.0, stop_policy="hold", slew_limit_v_per_s=5000.0)  # fmt: skip
+    node = start(
+        "compensator",
+        model_file(tmp_path / "model.yaml"),
+        rate_hz=500.0,
+        checkpoint_file=checkpoint,
+        checkpoint_period_s=3600.0,
+        stop_policy="hold",
+        slew_limit_v_per_s=5000.0,
+    )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, swing, 1.5)
@@ -83,9 +90,16 @@ def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
 
 def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
     checkpoint = tmp_path / "memory"
-    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, minimum_voltage_v=-0.5,
-                 maximum_voltage_v=1.0, slew_limit_v_per_s=2.0, checkpoint_file=checkpoint,
-                 checkpoint_period_s=3600.0)  # fmt: skip
+    node = start(
+        "compensator",
+        model_file(tmp_path / "model.yaml"),
+        rate_hz=200.0,
+        minimum_voltage_v=-0.5,
+        maximum_voltage_v=1.0,
+        slew_limit_v_per_s=2.0,
+        checkpoint_file=checkpoint,
+        checkpoint_period_s=3600.0,
+    )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     for goal in (50e-6, -50e-6):
@@ -106,8 +120,15 @@ def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
 
 
 def test_stale_target_ramps_to_the_safe_voltage(tmp_path, probe, start):
-    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, stale_after_s=0.3,
-                 stale_policy="ramp", safe_voltage_v=0.2, safe_ramp_v_per_s=5.0)  # fmt: skip
+    node = start(
+        "compensator",
+        model_file(tmp_path / "model.yaml"),
+        rate_hz=200.0,
+        stale_after_s=0.3,
+        stale_policy="ramp",
+        safe_voltage_v=0.2,
+        safe_ramp_v_per_s=5.0,
+    )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, lambda t: 1e-6, 0.5)

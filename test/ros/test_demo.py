@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fomrc_ros import demo
+from fomrc_ros.demo import demo
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys) -> None:

@@ -13,17 +13,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from fomrc_core import excitation
-from fomrc_core.model import PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records import excitation
 
 
 @pytest.fixture
 def recording(tmp_path):
     """A record of the actuator of ``MODEL``, with 1 nm noise."""
-    drive = np.concatenate((
-        excitation.triangle(1.5, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0).voltage_v,
-        excitation.staircase(1.5, step_v=0.3, dwell_s=0.5, rate_hz=200.0).voltage_v,
-    ))  # fmt: skip
+    drive = np.concatenate(
+        (
+            excitation.triangle(1.5, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0).voltage_v,
+            excitation.staircase(1.5, step_v=0.3, dwell_s=0.5, rate_hz=200.0).voltage_v,
+        )
+    )
     moved = PiezoModel.from_mapping(MODEL).simulate(np.full(drive.size, 0.005), drive)
     moved += 1e-3 * np.random.default_rng(3).standard_normal(moved.size)
     rows = np.column_stack((0.005 * np.arange(drive.size), drive, moved))
@@ -47,9 +49,11 @@ def test_identify(tmp_path, probe, start, recording):
     assert yaml.safe_load(seen[0].data)["/**"]["ros__parameters"]["model"] == found
 
     refused = (
-        ("recordings", ["missing.csv"], "missing.csv"), ("recordings", ["/etc/passwd"], "allowed"),
-        ("recordings", ["found.yaml"], "found.yaml"), ("recordings", [""], "recordings"),
-    )  # fmt: skip
+        ("recordings", ["missing.csv"], "missing.csv"),
+        ("recordings", ["/etc/passwd"], "allowed"),
+        ("recordings", ["found.yaml"], "found.yaml"),
+        ("recordings", [""], "recordings"),
+    )
     for name, value, named in refused:
         assert probe.set_one(node.name, name, value).successful
         answer = probe.trigger(f"{node.name}/identify")

@@ -6,8 +6,9 @@ from harness import MODEL, model_file
 
 
 def test_transitions(tmp_path, probe, start):
-    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, autostart=False,
-                 safe_ramp_v_per_s=5.0)  # fmt: skip
+    node = start(
+        "compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, autostart=False, safe_ramp_v_per_s=5.0
+    )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     assert probe.state(node.name) == "unconfigured"
@@ -53,8 +54,15 @@ def test_a_model_can_come_later_and_failures_are_logged(tmp_path, probe, start):
 
 def test_relaxation_leaves_a_relaxed_stage(tmp_path, probe, start):
     file = model_file(tmp_path / "model.yaml")
-    node = start("compensator", file, rate_hz=500.0, relax_duration_s=2.0, relax_frequency_hz=20.0,
-                 relax_amplitude_v=2.0, slew_limit_v_per_s=1000.0)  # fmt: skip
+    node = start(
+        "compensator",
+        file,
+        rate_hz=500.0,
+        relax_duration_s=2.0,
+        relax_frequency_hz=20.0,
+        relax_amplitude_v=2.0,
+        slew_limit_v_per_s=1000.0,
+    )
     start("simulated_pea", file, plant="fomrc", noise_rms_m=0.0, rate_hz=500.0)
     heard, moved = probe.record("voltage"), probe.record("displacement")
     publisher = probe.publisher("desired_position")

@@ -16,8 +16,15 @@ OTHER = {"kappa_um_per_v": [18.0, 13.0, 8.0, 1.3], "saturation_v": [0.03, 0.06, 
 def tracking(tmp_path, probe, start):
     """A compensator that follows, and what it publishes."""
     file = model_file(tmp_path / "model.yaml")
-    node = start("compensator", file, rate_hz=200.0, checkpoint_file=tmp_path / "memory",
-                 checkpoint_period_s=3600.0, stop_policy="hold", parameters_file=file)  # fmt: skip
+    node = start(
+        "compensator",
+        file,
+        rate_hz=200.0,
+        checkpoint_file=tmp_path / "memory",
+        checkpoint_period_s=3600.0,
+        stop_policy="hold",
+        parameters_file=file,
+    )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, lambda t: 1e-6 * np.sin(9.0 * t), 0.3)
@@ -41,13 +48,23 @@ def test_live_changes(probe, tracking):
     assert np.isfinite(heard[-1][1].data)
 
     refused = (
-        ("model.creep_order", 1.5), ("model.creep_order", float("nan")), ("model.creep_order", "high"),
-        ("model.kappa_um_per_v", [1.0, 2.0]), ("model.kappa_um_per_v", [1.0, -1.0, 2.0, 3.0, 4.0]),
-        ("model.saturation_v", [float("inf")] * 4), ("model.effects", ["magic"]), ("model.magic.strength", 1.0),
-        ("model.effects", ["mechanical_resonance"]), ("minimum_voltage_v", 7.0), ("stale_policy", "panic"),
-        ("rate_hz", 10.0), ("interface", "joint_state"), ("nonsense", 1), ("slew_limit_v_per_s", 0.0),
+        ("model.creep_order", 1.5),
+        ("model.creep_order", float("nan")),
+        ("model.creep_order", "high"),
+        ("model.kappa_um_per_v", [1.0, 2.0]),
+        ("model.kappa_um_per_v", [1.0, -1.0, 2.0, 3.0, 4.0]),
+        ("model.saturation_v", [float("inf")] * 4),
+        ("model.effects", ["magic"]),
+        ("model.magic.strength", 1.0),
+        ("model.effects", ["mechanical_resonance"]),
+        ("minimum_voltage_v", 7.0),
+        ("stale_policy", "panic"),
+        ("rate_hz", 10.0),
+        ("interface", "joint_state"),
+        ("nonsense", 1),
+        ("slew_limit_v_per_s", 0.0),
         ("model.creep_order", Parameter("model.creep_order", Parameter.Type.NOT_SET)),
-    )  # fmt: skip
+    )
     for name, value in refused:
         result = probe.set_one(node.name, name, value)
         assert not result.successful, name
@@ -170,7 +187,7 @@ def bad_files(folder):
         "text in a list": good + "    model:\n      saturation_v: [0.1, much]\n",
         "too large": good + "    # " + "x" * 2_000_000 + "\n",
         "nested too deeply": good + "    model: " + "{a: " * 40 + "1" + "}" * 40 + "\n",
-    }  # fmt: skip
+    }
 
 
 def test_bad_files_are_refused_whole(tmp_path, probe, tracking):

@@ -1,0 +1,10 @@
+"""The model beside the other models of the field, on the same data and the same split.
+
+The others live in ``baselines``.
+"""
+
+__all__ = [
+    "baselines",
+    "comparison",
+    "figure",
+]

@@ -1,0 +1,253 @@
+"""Every rival beside the FOMRC: fitted on the same training data, scored on the same held-out data.
+
+All are treated alike: the voltage before a record is taken as held at its first value, the offset of each
+record is removed, and the first samples, which depend on what nobody recorded, are not scored.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.comparison.baselines import all_rivals
+from fomrc_core.comparison.baselines.amplified import Amplified, FittedAmplified
+from fomrc_core.comparison.baselines.fomrc import FittedFomrc, Fomrc
+from fomrc_core.comparison.baselines.rival import (
+    FittedRival,
+    Rival,
+    TrainingRecord,
+    training_error_um,
+    training_record,
+)
+from fomrc_core.errors import FomrcError
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.recording import Recording
+from fomrc_core.storage import make_directory
+
+Array = NDArray[np.float64]
+
+NOISE_UM = 1e-3
+_LARGEST_NOISE_GAIN = 100.0
+_LARGEST_ROUND_TRIP_PERCENT = 1.0
+
+
+@dataclass(frozen=True)
+class InverseQuality:
+    """How the inverse of a rival behaves on the held-out record.
+
+    Attributes:
+        round_trip_percent: rms of voltage(displacement(voltage)) less voltage, of the voltage range [%].
+        noise_gain: rms of the voltage it makes of 1 nm noise, over the voltage that moves 1 nm [1].
+        is_stable: finite, round trip within 1 %, noise gain below 100.
+    """
+
+    round_trip_percent: float
+    noise_gain: float
+    is_stable: bool
+
+
+@dataclass(frozen=True)
+class Row:
+    """One rival's result.
+
+    Attributes:
+        name: of the rival.
+        publication: where it comes from.
+        amplifier_cutoff_hz: of the amplifier_bandwidth effect given to it; nan without.
+        n_parameters: parameters fitted.
+        train_rms_um: error on the training data [um].
+        test_rms_um: error on the held-out data [um].
+        test_nrmse_percent: the same of the measured range [%].
+        time_per_sample_us: of a simulation, batch [us].
+        fit_s: time of the fit [s].
+        inverse: quality of the inverse; None where there is none.
+        failure: why there is no result; empty where there is one.
+    """
+
+    name: str
+    publication: str
+    amplifier_cutoff_hz: float
+    n_parameters: int
+    train_rms_um: float
+    test_rms_um: float
+    test_nrmse_percent: float
+    time_per_sample_us: float
+    fit_s: float
+    inverse: InverseQuality | None
+    failure: str = ""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All rows, the best on held-out data first.
+
+    Attributes:
+        rows: one per rival, with and without the amplifier effect.
+        train_names: names of the training records.
+        test_name: name of the held-out record.
+        test_range_um: measured range of the held-out record [um].
+    """
+
+    rows: tuple[Row, ...]
+    train_names: tuple[str, ...]
+    test_name: str
+    test_range_um: float
+
+    def table(self) -> str:
+        """Return the rows as a Markdown table."""
+        lines = [
+            "| model | amplifier | held-out rms [nm] | NRMSE [%] | training rms [nm] "
+            "| parameters | us/sample | fit [s] | inverse |",
+            "|---|---|---:|---:|---:|---:|---:|---:|---|",
+        ]
+        for row in self.rows:
+            if row.failure:
+                lines.append(f"| {row.name} | | | | | | | | failed: {row.failure} |")
+                continue
+            amplifier = "-" if math.isnan(row.amplifier_cutoff_hz) else f"{row.amplifier_cutoff_hz:.2f} Hz"
+            lines.append(
+                f"| {row.name} | {amplifier} | {1e3 * row.test_rms_um:.3g} | {row.test_nrmse_percent:.3f} "
+                f"| {1e3 * row.train_rms_um:.3g} | {row.n_parameters} | {row.time_per_sample_us:.2g} "
+                f"| {row.fit_s:.2g} | {_inverse_words(row.inverse)} |"
+            )
+        return "\n".join(lines)
+
+    def to_mapping(self) -> dict[str, object]:
+        """Return everything as plain numbers, with None for what does not exist."""
+        mapping = asdict(self)
+        for row in mapping["rows"]:
+            for key, value in row.items():
+                if isinstance(value, float) and not math.isfinite(value):
+                    row[key] = None
+        return mapping
+
+
+def compare(
+    train: Recording | Sequence[Recording],
+    test: Recording,
+    output_directory: str | Path | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    *,
+    rivals: Sequence[Rival] | None = None,
+    with_amplifier: bool = True,
+    extended_model: PiezoModel | None = None,
+    settle_s: float = 10.0,
+    skip_s: float = 0.5,
+) -> Comparison:
+    """Fit every rival on the training data, score it on the held-out data; write table, figure and JSON.
+
+    Args:
+        train: one or more training records.
+        test: held-out record.
+        output_directory: for comparison.md, comparison.json, comparison.png and .svg; None writes nothing.
+        progress: called with the share done and what is being done.
+        rivals: those to compare; all where not given. The FOMRC always takes part.
+        with_amplifier: also compare each with the same amplifier_bandwidth effect.
+        extended_model: a model found by a diagnosis of the training data, to be scored beside the others.
+        settle_s: how long the voltage is taken to have been held before a record [s].
+        skip_s: start of each record that is not scored [s].
+
+    Raises:
+        RecordingError: a record without displacement.
+    """
+    records = [train] if isinstance(train, Recording) else list(train)
+    learned = [training_record(r, settle_s=settle_s, skip_s=skip_s) for r in records]
+    held = training_record(test, settle_s=settle_s, skip_s=skip_s)
+    entrants: list[Rival] = [*(all_rivals() if rivals is None else rivals), Fomrc()]
+    if with_amplifier:
+        entrants += [Amplified(rival) for rival in entrants]
+    rows = []
+    for number, rival in enumerate(entrants):
+        if progress is not None:
+            progress(number / len(entrants), rival.name)
+        rows.append(_row(rival, learned, held))
+    if extended_model is not None:
+        fitted = FittedFomrc(extended_model)
+        rows.append(_scored("FOMRC, diagnosed", "this project", fitted, learned, held, math.nan))
+    # Failures last.
+    rows.sort(key=lambda row: row.test_rms_um if math.isfinite(row.test_rms_um) else math.inf)
+    comparison = Comparison(tuple(rows), tuple(r.name for r in records), test.name, float(np.ptp(test.measured_um)))
+    if output_directory is not None:
+        write_comparison(comparison, Path(output_directory))
+    if progress is not None:
+        progress(1.0, "done")
+    return comparison
+
+
+def write_comparison(comparison: Comparison, directory: Path) -> None:
+    """Write comparison.md, comparison.json, comparison.png and comparison.svg."""
+    from fomrc_core.comparison.figure import comparison_figure
+
+    make_directory(directory)
+    (directory / "comparison.md").write_text(comparison.table() + "\n", encoding="utf-8")
+    text = json.dumps(comparison.to_mapping(), indent=2, allow_nan=False)
+    (directory / "comparison.json").write_text(text + "\n", encoding="utf-8")
+    figure = comparison_figure(comparison)
+    for kind in ("png", "svg"):
+        figure.savefig(directory / f"comparison.{kind}", dpi=150)
+
+
+def _row(rival: Rival, learned: Sequence[TrainingRecord], held: TrainingRecord) -> Row:
+    start = time.perf_counter()
+    try:
+        fitted = rival.fit(learned)
+        fit_s = time.perf_counter() - start
+        return _scored(rival.name, rival.publication, fitted, learned, held, fit_s)
+    except FomrcError as error:  # a rival may not fit this data; the others still do
+        nan = math.nan
+        return Row(rival.name, rival.publication, nan, 0, nan, nan, nan, nan, nan, None, str(error))
+
+
+def _scored(
+    name: str,
+    publication: str,
+    fitted: FittedRival,
+    learned: Sequence[TrainingRecord],
+    held: TrainingRecord,
+    fit_s: float,
+) -> Row:
+    test_error = training_error_um(fitted, [held])
+    start = time.perf_counter()
+    fitted.simulate(held.steps_s, held.voltage_v)
+    per_sample = (time.perf_counter() - start) / held.voltage_v.size
+    return Row(
+        name,
+        publication,
+        fitted.cutoff_hz if isinstance(fitted, FittedAmplified) else math.nan,
+        fitted.n_parameters,
+        training_error_um(fitted, learned),
+        test_error,
+        100.0 * test_error / float(np.ptp(held.displacement_um[held.n_before :])),
+        1e6 * per_sample,
+        fit_s,
+        inverse_quality(fitted, held) if fitted.has_inverse else None,
+    )
+
+
+def inverse_quality(fitted: FittedRival, held: TrainingRecord) -> InverseQuality:
+    """Return how the inverse of a fitted rival behaves on the drive of a record."""
+    scored = held.is_scored
+    reached = fitted.simulate(held.steps_s, held.voltage_v)
+    noise = np.random.default_rng(7).normal(0.0, NOISE_UM, reached.size)
+    with np.errstate(all="ignore"):
+        voltage = fitted.invert(held.steps_s, reached)
+        noisy = fitted.invert(held.steps_s, reached + noise)
+    span_v, span_um = float(np.ptp(held.voltage_v[scored])), float(np.ptp(reached[scored]))
+    round_trip = 100.0 * float(np.sqrt(np.mean((voltage - held.voltage_v)[scored] ** 2))) / span_v
+    gain = float(np.sqrt(np.mean((noisy - voltage)[scored] ** 2))) / (NOISE_UM * span_v / span_um)
+    is_stable = math.isfinite(round_trip) and round_trip <= _LARGEST_ROUND_TRIP_PERCENT and gain <= _LARGEST_NOISE_GAIN
+    return InverseQuality(round_trip, gain, is_stable)
+
+
+def _inverse_words(inverse: InverseQuality | None) -> str:
+    if inverse is None:
+        return "none"
+    word = "stable" if inverse.is_stable else "not stable"
+    return f"{word}, round trip {inverse.round_trip_percent:.2g} %, noise x{inverse.noise_gain:.2g}"

@@ -1,0 +1,9 @@
+"""What computation needs and piezos do not: compiled kernels on or off, BLAS threads, least squares.
+
+Nothing here knows what the numbers mean.
+"""
+
+__all__ = [
+    "blas_threads",
+    "compiled",
+]

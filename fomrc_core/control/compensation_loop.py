@@ -1,0 +1,261 @@
+"""The compensator's loop without ROS: target in, voltage out, one call per tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from fomrc_core.control.actuator_memory import (
+    ActuatorMemory,
+    aging_steps,
+    carried,
+    carries_exactly,
+    displacement_for_voltage,
+)
+from fomrc_core.control.target_history import MemoryReplay, TargetHistory
+from fomrc_core.control.voltage_limits import VoltageLimits
+from fomrc_core.errors import FomrcError
+from fomrc_core.model.compensator import Compensator
+
+# Part of a period that catching up with a changed model may take from each tick.
+_REPLAY_SHARE = 0.3
+_LONG_PAUSE_PERIODS = 50
+
+
+class Activity(Enum):
+    """What the loop is doing."""
+
+    WAITING = "waiting for a target"
+    TRACKING = "tracking"
+    HOLDING = "holding a stale target"
+    RAMPING = "ramping to the safe voltage"
+    ROUTINE = "driving a routine"
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """What the loop is to respect.
+
+    Args:
+        limits: voltage limits.
+        stale_after_s: age at which a target is stale [s], 0 for never.
+        ramps_when_stale: ramp to the safe voltage on a stale target; else hold it, compensating creep.
+        period_s: nominal period [s].
+        history_s: how much of the past is kept sample by sample for a model swap [s].
+    """
+
+    limits: VoltageLimits
+    stale_after_s: float
+    ramps_when_stale: bool
+    period_s: float
+    history_s: float
+
+
+@dataclass
+class LoopCounts:
+    """What happened in the loop, counted since it began."""
+
+    n_clamped: int = 0
+    n_slewed: int = 0
+    n_swaps: int = 0
+    n_stale: int = 0
+
+
+class CompensationLoop:
+    """Owns the compensator's memory and steps it.
+
+    Args:
+        compensator: the compensator of the present model.
+        settings: limits and policies.
+        memory: where to go on from; a relaxed actuator where not given.
+        voltage_v: voltage on the actuator [V].
+        target_um: last desired displacement [um], None where there was none.
+    """
+
+    def __init__(
+        self,
+        compensator: Compensator,
+        settings: LoopSettings,
+        memory: ActuatorMemory | None = None,
+        voltage_v: float = 0.0,
+        target_um: float | None = None,
+    ) -> None:
+        self.compensator = compensator
+        self.settings = settings
+        self.counts = LoopCounts()
+        self.activity = Activity.WAITING
+        self.voltage_v = voltage_v
+        self.target_um = target_um
+        self.age_s = 0.0
+        self.followed_um = 0.0
+        self.cross = math.nan
+        self.is_discontinuous = True
+        self._target_age_s = 0.0
+        self._replay: MemoryReplay | None = None
+        self._is_catching_up = False
+        self._routine: Iterator[float] | None = None
+        self._begin(ActuatorMemory.relaxed(compensator) if memory is None else memory)
+
+    def _begin(self, memory: ActuatorMemory) -> None:
+        self.is_discontinuous = True
+        self.memory = memory
+        n_samples = max(int(self.settings.history_s / self.settings.period_s), 64)
+        self._history = TargetHistory(self.compensator, memory, n_samples)
+        self._replay = None
+
+    @property
+    def is_swapping(self) -> bool:
+        """Whether a changed model is still being brought up to date or its step is being slewed."""
+        return self._replay is not None or self._is_catching_up
+
+    @property
+    def newest_compensator(self) -> Compensator:
+        """The compensator in force, or the one about to be."""
+        return self.compensator if self._replay is None else self._replay.compensator
+
+    @property
+    def target_age_s(self) -> float:
+        """How long ago the last target came [s]."""
+        return self._target_age_s
+
+    def set_target(self, desired_um: float) -> None:
+        """Take a new target [um]."""
+        self.target_um = desired_um
+        self._target_age_s = 0.0
+
+    def set_relaxed(self) -> None:
+        """Take the actuator as relaxed, as it is after the relaxation routine."""
+        # A model still catching up has nothing to catch up with any more.
+        self.compensator = self.newest_compensator
+        self._begin(ActuatorMemory.relaxed(self.compensator))
+        self.age_s = 0.0
+
+    def start_routine(self, voltages_v: Iterator[float]) -> None:
+        """Drive these voltages, one per tick, instead of following the target; relaxed at the end."""
+        self._routine = voltages_v
+
+    @property
+    def is_in_routine(self) -> bool:
+        """Whether a routine runs."""
+        return self._routine is not None
+
+    def cancel_routine(self) -> None:
+        """Go back to following the target."""
+        self._routine = None
+
+    def swap(self, compensator: Compensator) -> None:
+        """Take over a changed model: at once where its memory carries over, else when it has caught up."""
+        self.counts.n_swaps += 1
+        if carries_exactly(self.compensator, compensator):
+            self._take_over(compensator, carried(self.compensator, compensator, self.memory))
+        else:
+            self._replay = MemoryReplay(self._history, compensator)
+
+    def _take_over(self, compensator: Compensator, memory: ActuatorMemory) -> None:
+        self.compensator, self.memory = compensator, memory
+        self._replay = None
+        # What is left of the step is slewed without telling the model: it stands where it would have stood.
+        self._is_catching_up = True
+
+    def tick(self, step_s: float) -> float | None:
+        """Return the voltage [V] of this tick, None while there has been no target.
+
+        Args:
+            step_s: time since the last tick [s].
+        """
+        self.age_s += step_s
+        self._target_age_s += step_s
+        if step_s > _LONG_PAUSE_PERIODS * self.settings.period_s:
+            step_s = self._sit_out(step_s)
+        if self._replay is not None:
+            self._work_on_replay()
+        if self._routine is not None:
+            return self._tick_routine(self._routine, step_s)
+        if self.target_um is None:
+            self.activity = Activity.WAITING
+            return None
+        settings = self.settings
+        is_stale = 0.0 < settings.stale_after_s < self._target_age_s
+        if is_stale:
+            if self.activity is Activity.TRACKING:
+                self.counts.n_stale += 1
+            if settings.ramps_when_stale:
+                return self.tick_to_safe(step_s)
+        self.activity = Activity.HOLDING if is_stale else Activity.TRACKING
+        return self._tick_tracking(self.target_um, step_s)
+
+    def _sit_out(self, pause_s: float) -> float:
+        # Nothing was driven for a while (inactive, suspended): the actuator rested where it was, and crept.
+        steps = aging_steps(pause_s, self.settings.period_s)
+        for step_s in steps[:-1]:
+            self.memory.advance(self.compensator, self.followed_um, step_s, self.cross)
+            self._history.append(step_s, self.followed_um, self.cross)
+            self._history.mark(self.compensator, self.memory)
+        return steps[-1]
+
+    def tick_to_safe(self, step_s: float) -> float:
+        """Return the next voltage [V] of the ramp to the safe voltage; the memory follows."""
+        self.activity = Activity.RAMPING
+        return self._apply(self.settings.limits.ramp_to_safe(self.voltage_v, step_s), step_s)
+
+    def _tick_routine(self, routine: Iterator[float], step_s: float) -> float:
+        self.activity = Activity.ROUTINE
+        wanted = next(routine, None)
+        if wanted is None:
+            self._routine = None
+            self.set_relaxed()
+            return self.voltage_v
+        return self._apply(self.settings.limits.approach(self.voltage_v, wanted, step_s), step_s)
+
+    def _tick_tracking(self, target_um: float, step_s: float) -> float:
+        limits = self.settings.limits
+        before = self.memory.state.copy()
+        wanted = self.compensator.advance(self.memory.state, target_um, step_s, cross=self.cross)
+        voltage = limits.approach(self.voltage_v, wanted, step_s)
+        if voltage == wanted:
+            self._is_catching_up = False
+        elif self._is_catching_up:
+            self.counts.n_slewed += 1
+        else:
+            if voltage != wanted and voltage == limits.clamp(wanted):
+                self.counts.n_clamped += 1
+            else:
+                self.counts.n_slewed += 1
+            # The actuator does not get there: let the model know where it goes instead.
+            self.memory.state = before
+            return self._apply(voltage, step_s)
+        self._remember(step_s, target_um)
+        self.voltage_v = voltage
+        return voltage
+
+    def _apply(self, voltage_v: float, step_s: float) -> float:
+        near_um = self.memory.state.last_input
+        gain = 1.0 / self.compensator.model.stop_form.slope
+        reached_um = displacement_for_voltage(
+            self.compensator, self.memory.state, voltage_v, step_s, near_um, gain, self.cross
+        )
+        self.compensator.advance(self.memory.state, reached_um, step_s, cross=self.cross)
+        self._remember(step_s, reached_um)
+        self.voltage_v = voltage_v
+        return voltage_v
+
+    def _remember(self, step_s: float, desired_um: float) -> None:
+        self.followed_um = desired_um
+        self.memory.note_turning_point(self.compensator)
+        self._history.append(step_s, desired_um, self.cross)
+        self._history.mark(self.compensator, self.memory)
+
+    def _work_on_replay(self) -> None:
+        replay = self._replay
+        if replay is None:
+            return
+        try:
+            has_caught_up = replay.work(_REPLAY_SHARE * self.settings.period_s)
+        except FomrcError:
+            # Too slow for its own history: begin with what can be carried, which is close.
+            self._take_over(replay.compensator, carried(self.compensator, replay.compensator, self.memory))
+            return
+        if has_caught_up:
+            self._take_over(replay.compensator, replay.memory)

@@ -1,0 +1,230 @@
+"""A candidate cause: fitted together with the base, from several starts, and scored on held-out data."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_blocks, held_residuals, learned_blocks
+from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned, start_variants
+from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
+from fomrc_core.diagnosis.leverage import determined
+from fomrc_core.diagnosis.screening import HeldView, Screened
+from fomrc_core.effects import effect_classes
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.fitting.base_fit import Tangent, rebased, squared_error
+from fomrc_core.fitting.joint_fit import Refit, free_parameters, refit
+from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.records.noise import autocorrelation_inflation
+
+Array = NDArray[np.float64]
+
+_MAX_CANDIDATES = 5
+_MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
+_LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
+_ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
+_CLOSE_TO_BEST = 0.2
+_TRAINING_COUNTS = 0.3
+_RICH_PENALTY = 1.02
+_LEAST_SCORED = 0.3  # of the held-out samples; where less is determined nothing is left out
+_HOPELESS = 4.0  # times the least squared error so far
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A candidate after its joint refit.
+
+    Attributes:
+        cause: its name.
+        fitted: the joint refit.
+        score: on held-out data.
+        train_log_gain: logarithm of the ratio of mean squared errors on the training data.
+        held: residuals on the held-out data [um].
+        n_free: number of parameters it adds.
+        is_plausible: whether the records can show it with the parameters found.
+        is_bound: whether its parameters belong to single records.
+        is_distinguishable: whether the records can tell it from others: one-sided plays bend to any lag in a loop
+            that repeats.
+    """
+
+    cause: str
+    fitted: Refit
+    score: HeldOutScore
+    train_log_gain: float
+    held: tuple[Array, ...]
+    n_free: int
+    is_plausible: bool = True
+    is_bound: bool = False
+    is_distinguishable: bool = True
+
+    @property
+    def total_gain(self) -> float:
+        """Held-out gain first, for a rich cause fits anything in training; training gain beside it, for with two
+        effects hidden neither alone need help held-out data."""
+        return max(self.held_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
+
+    @property
+    def held_gain(self) -> float:
+        """Logarithmic gain on held-out data, comparable between causes.
+
+        Blocks of the same record are an easier test than another record: there training is asked as well.
+        """
+        return min(self.score.log_gain, self.train_log_gain) if self.is_bound else self.score.log_gain
+
+
+def candidates_for(
+    chain: TrialModel,
+    split: DataSplit,
+    space: Tangent,
+    left: tuple[Array, ...],
+    screened: tuple[Screened, ...],
+    executor: Executor | None,
+) -> list[Candidate]:
+    """Return the likely causes after their joint refits, the most gaining first.
+
+    Args:
+        chain: the present model.
+        split: records.
+        space: tangent of its linear part.
+        left: residual per training record [um].
+        screened: the screening's trial instances.
+        executor: runs refits side by side where given.
+    """
+    error = squared_error(split.train, left)
+    inflation = max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(left, split.train, strict=True))
+    variance = error / split.n_used
+    limit = min(_MIN_SCREENED * variance * min(inflation, 200.0), _ENOUGH_SHARE * error)
+    view = [np.dot(v, v) for v in held_residuals(chain, split.held)]
+    held_limit = max(limit, _LEAST_SHARE * float(sum(view)))
+    limit = max(limit, _LEAST_SHARE * error)
+    by_cause: dict[str, list[Screened]] = {}
+    for trial in screened:
+        if trial.explained > limit or trial.explained_held > held_limit:
+            by_cause.setdefault(trial.cause, []).append(trial)
+    if not by_cause:
+        return []
+    likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
+    held = {name: max(t.explained_held for t in trials) for name, trials in by_cause.items()}
+    likely += [name for name in _likely(held) if name not in likely]
+    for name in likely:
+        # what the base absorbs in training is told apart on the held-out record
+        by_cause[name].sort(
+            key=lambda t: (
+                -(
+                    t.explained / error + t.explained_held / max(held.values(), default=1.0)
+                    if max(held.values()) > 0.0
+                    else t.explained
+                )
+            )
+        )
+    # a scan takes longest: begun last it would be waited for
+    likely.sort(key=lambda name: not effect_classes()[name].is_scanned)
+    tasks = [(chain, split, space, by_cause[name], error) for name in likely]
+    run = map if executor is None else executor.map
+    found = [c for c in run(_fit_candidate, tasks) if c is not None]
+    return sorted(found, key=lambda c: -c.total_gain)
+
+
+def _likely(explained: dict[str, float]) -> list[str]:
+    best = max(explained.values())
+    names = [name for name, value in explained.items() if value > _CLOSE_TO_BEST * best and value > 0.0]
+    return sorted(names, key=lambda name: -explained[name])[:_MAX_CANDIDATES]
+
+
+def held_view(chain: TrialModel, split: DataSplit) -> HeldView | None:
+    """Return the held-out record under the chain; None where blocks of the training records are held out."""
+    own = [part for part in split.held if part.index >= len(split.train)]
+    return HeldView.of(chain, own[0].record, own[0].index) if own else None
+
+
+def _fit_candidate(task: tuple[TrialModel, DataSplit, Tangent, list[Screened], float]) -> Candidate | None:
+    chain, split, space, trials, error = task
+    cause = trials[0].cause
+    kind = effect_classes()[cause]
+    bound = trials[0].effect.belongs_to_record()
+    trials = [trial for trial in trials if trial.effect.belongs_to_record() == bound]
+    fits: list[Refit] = []
+    for variant, directions in start_variants(chain, split, space):
+        starts = fit_starts(variant, trials, bound, split, directions)
+        if kind.is_scanned:
+            starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
+        for start in starts:
+            # a family of columns and a large effect turn the directions of the linear part: take them anew
+            is_new = start.weights.size != chain.weights.size or clear_error(start, split, directions) > 2.0 * error
+            least = min([error, *(f.squared_error for f in fits)])
+            fits.append(
+                refit(
+                    start, split.train, None if is_new else directions, n_iterations=8, hopeless_um2=_HOPELESS * least
+                )
+            )
+    if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
+        return None
+    # as many more weights must earn their keep
+    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
+    # the forms of what befell single records differ little until the base no longer bends to it
+    ways = fits if bound else [best]
+    best = min((_followed(way, split, error) for way in ways), key=lambda f: f.squared_error)
+    before, after = _held_pair(chain, best, split, cause, bound)
+    n_free = len(free_parameters(best.chain)) - len(free_parameters(chain))
+    longest = max(float(record.time_s[-1]) for record in split.train)
+    own = [e for part in best.chain.record_effects[: len(split.train)] for e in part]
+    is_plausible = all(e.is_plausible(longest) for e in (*best.chain.effects, *own))
+    is_plausible = is_plausible and (not bound or _is_confirmed(best, split, cause))
+    train_gain = math.log(error / best.squared_error)
+    score = held_out_score(before, after)
+    is_distinguishable = kind is not AsymmetricHysteresis or split.is_telling
+    return Candidate(cause, best, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
+
+
+def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
+    """Return the refit with plays chosen anew, where it moved much or not to the end."""
+    if fitted.squared_error > 0.5 * error and fitted.is_converged:
+        return fitted
+    again = refit(rebased(fitted.chain, split.train), split.train, n_iterations=8)
+    return again if again.squared_error < fitted.squared_error else fitted
+
+
+def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:
+    """Return whether some record shows what the effect must show there."""
+    without = fitted.chain.without(cause)
+    for index, record in enumerate(split.train):
+        effect = next((e for e in fitted.chain.record_effects[index] if e.name == cause), None)
+        if effect is None:
+            continue
+        left = record.measured_um - predict(without, record, index)
+        if effect.is_confirmed(record.time_s, record.voltage_v, left):
+            return True
+    return False
+
+
+def _held_pair(
+    chain: TrialModel, fitted: Refit, split: DataSplit, cause: str, bound: bool
+) -> tuple[list[Array], list[Array]]:
+    if not bound:
+        return held_residuals(chain, split.held), held_residuals(fitted.chain, split.held)
+    # An effect of one record cannot be held out by another record: hold out blocks of the same one.
+    indices = [
+        i for i, own in enumerate(fitted.chain.record_effects[: len(split.train)]) if any(e.name == cause for e in own)
+    ]
+    learned = tuple(r.using(r.is_used & learned_blocks(r)) for r in split.train)
+    blocked = refit(fitted.chain, learned, n_iterations=4)
+    base = refit(chain, learned, n_iterations=2)
+    scored = _scored(split, indices, learned, (base.chain, blocked.chain))
+    return held_residuals(base.chain, scored), held_residuals(blocked.chain, scored)
+
+
+def _scored(
+    split: DataSplit, indices: list[int], learned: tuple[FitRecord, ...], chains: tuple[TrialModel, ...]
+) -> tuple[HeldOut, ...]:
+    """Return the held-out blocks of these records, without what the learned ones leave open in either model."""
+    blocks = tuple(held_blocks(r) for r in split.train)
+    masks = [np.all(both, axis=0) for both in zip(*(determined(c, learned, blocks) for c in chains), strict=True)]
+    used = [
+        masks[i] if np.count_nonzero(masks[i]) >= _LEAST_SCORED * np.count_nonzero(blocks[i]) else blocks[i]
+        for i in indices
+    ]
+    return tuple(HeldOut(split.train[i].using(mask), i) for i, mask in zip(indices, used, strict=True))

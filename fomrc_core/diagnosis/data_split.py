@@ -1,0 +1,144 @@
+"""The records of a diagnosis: what is learnt from, what is held out, and how a model is scored on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.effects import Effect
+from fomrc_core.effects.base.evidence import MANY_LOOPS, n_loop_kinds
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.fitting.base_fit import centred
+from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import rms
+
+Array = NDArray[np.float64]
+
+_N_BLOCKS = 20
+_GAP_SHARE = 0.1  # of a block, on either side
+_UNSURE_START_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A held-out stretch: a record, its number among all records, and the samples that are scored."""
+
+    record: FitRecord
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class DataSplit:
+    """What a diagnosis works with.
+
+    Attributes:
+        train: records, their used samples those a fit learns from.
+        held: what candidates are accepted on.
+        report: what before and after are quoted on; no choice has seen it where it was given.
+        noise_um: noise floor [um].
+    """
+
+    train: tuple[FitRecord, ...]
+    held: tuple[HeldOut, ...]
+    report: tuple[HeldOut, ...]
+    noise_um: float
+
+    @property
+    def n_records(self) -> int:
+        """Number of all records, learnt from or not."""
+        return 1 + max([len(self.train) - 1] + [h.index for h in (*self.held, *self.report)])
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether what is held out is another record, not blocks of those that are learned from."""
+        return any(part.index >= len(self.train) for part in self.held)
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether causes that fit alike can be told apart: by another record, or by loops of many kinds.
+
+        Blocks of a loop that only repeats, held out, say again what the others have said.
+        """
+        return self.is_apart or n_loop_kinds([record.voltage_v for record in self.train]) >= MANY_LOOPS
+
+    @property
+    def n_used(self) -> int:
+        """Number of samples a fit learns from."""
+        return int(sum(np.count_nonzero(r.is_used) for r in self.train))
+
+
+def split_data(
+    recordings: tuple[Recording, ...], test: Recording | None, report: Recording | None, noise_um: float
+) -> DataSplit:
+    """Return the split; without a test record blocks of the training records are held out, with gaps."""
+    train = tuple(FitRecord.of(r) for r in recordings)
+    held: tuple[HeldOut, ...]
+    if test is None:
+        held = tuple(HeldOut(r.using(held_blocks(r)), i) for i, r in enumerate(train))
+        train = tuple(r.using(learned_blocks(r)) for r in train)
+    else:
+        held = (HeldOut(_scored(FitRecord.of(test)), len(train)),)
+    quoted = held if report is None else (HeldOut(_scored(FitRecord.of(report)), len(train) + 1),)
+    return DataSplit(train, held, quoted, noise_um)
+
+
+def _scored(record: FitRecord) -> FitRecord:
+    if not starts_unsure(record):
+        return record
+    return record.using(record.time_s >= _UNSURE_START_SHARE * record.time_s[-1])
+
+
+def starts_unsure(record: FitRecord) -> bool:
+    """Return whether the record's first voltage is not zero, so that it may begin relaxed or at rest."""
+    return abs(float(record.voltage_v[0])) > 0.01 * float(np.ptp(record.voltage_v))
+
+
+def _position(record: FitRecord) -> tuple[NDArray[np.int64], Array]:
+    share = np.arange(record.time_s.size) * _N_BLOCKS / record.time_s.size
+    return share.astype(np.int64), share - np.floor(share)
+
+
+def held_blocks(record: FitRecord) -> NDArray[np.bool_]:
+    """Return the samples of every third block of a record, its edges left out."""
+    block, inside = _position(record)
+    return np.asarray((block % 3 == 1) & (inside >= _GAP_SHARE) & (inside < 1.0 - _GAP_SHARE))
+
+
+def learned_blocks(record: FitRecord) -> NDArray[np.bool_]:
+    """Return the samples of the other blocks."""
+    return np.asarray(_position(record)[0] % 3 != 1)
+
+
+def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
+    """Return measured minus predicted, offset removed, on the scored samples of each held-out stretch [um].
+
+    Where the start is not sure, a rest at the first voltage and the relaxed state are both tried and the better
+    one is taken: the start is no merit of a model.
+    """
+    found = []
+    for part in held:
+        options = [chain]
+        if starts_unsure(part.record) and part.index < len(chain.record_effects):
+            own = chain.record_effects[part.index]
+            if not any(isinstance(e, InitialState) and e.free_names() for e in own):
+                others = tuple(e for e in own if not isinstance(e, InitialState))
+                options = [
+                    with_own(chain, part.index, others),
+                    with_own(chain, part.index, (*others, part.record.at_rest())),
+                ]
+        residuals = []
+        for option in options:
+            raw = part.record.measured_um - predict(option, part.record, part.index)
+            residuals.append(centred(raw, part.record.is_used)[part.record.is_used])
+        found.append(min(residuals, key=rms))
+    return found
+
+
+def with_own(chain: TrialModel, index: int, effects: tuple[Effect, ...]) -> TrialModel:
+    """Return the chain with the effects of one record replaced."""
+    own = list(chain.record_effects)
+    own[index] = effects
+    return replace(chain, record_effects=tuple(own))

@@ -1,0 +1,107 @@
+"""Which candidate is accepted, which cannot be told from it, and which come near it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.held_out_score import loses_to
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.records.noise import autocorrelation_inflation
+
+SURE = 10.0  # difference in log likelihood that settles it
+_SIGNIFICANCE = 0.01
+_NEARLY, _HARDLY = 0.35, 0.15  # in the logarithm of the mean squared error
+_TIE_P_VALUE = 0.05
+_LEAST_LEARNT = 0.003
+
+
+def is_accepted(candidate: Candidate, n_causes: int) -> bool:
+    """Return whether a candidate is a finding, among this number of causes tried."""
+    return (
+        candidate.is_plausible
+        and candidate.is_distinguishable
+        and candidate.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
+        and candidate.score.p_value < _SIGNIFICANCE / n_causes
+        and candidate.score.is_worthwhile()
+    )
+
+
+def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
+    """Return the candidate that is surely likelier with no more parameters, unless held-out data speak up against it.
+
+    How well the base itself carries over to held-out data differs from fit to fit: a little after a rich drive, much
+    after a poor one, so that the two gains are weighed against each other.
+    """
+    for other in candidates:
+        if other is winner or other.is_bound or other.cause == AsymmetricHysteresis.name:
+            continue
+        learnt = other.train_log_gain - winner.train_log_gain
+        lost = winner.held_gain - other.held_gain
+        if other.n_free > winner.n_free or learnt < 0.0 or lost > max(learnt, _HARDLY):
+            continue
+        if is_accepted(other, n_causes) and sure_gain(winner.fitted, other.fitted, split) > SURE:
+            return other
+    return winner
+
+
+def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:
+    """Return the candidates that neither training nor held-out data tell from the winner."""
+    n_effective = _n_effective(winner.fitted, split)
+    tied = []
+    for other in candidates:
+        if other is winner:
+            continue
+        if not other.score.is_worthwhile() or not other.is_plausible:
+            continue
+        loss = n_effective * math.log(other.fitted.squared_error / winner.fitted.squared_error)
+        same_shape = len(other.held) == len(winner.held) and all(
+            a.size == b.size for a, b in zip(other.held, winner.held, strict=True)
+        )
+        if loss < SURE and (not same_shape or loses_to(list(winner.held), list(other.held)) > _TIE_P_VALUE):
+            tied.append(other)
+    return tied
+
+
+def still_tied(chain: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
+    """Return those of the tied candidates that another record does not tell apart either.
+
+    What belongs to single records is scored on blocks of its own; once it has been fitted to the held-out record
+    too, what belongs to the actuator can be compared with it there.
+    """
+    if not split.is_apart:
+        return list(tied)
+    held = held_residuals(chain, split.held)
+    return [other for other in tied if other.is_bound or loses_to(held, list(other.held)) > _TIE_P_VALUE]
+
+
+def rivals_of(winner: Candidate, candidates: list[Candidate]) -> tuple[Candidate, ...]:
+    """Return the candidates that did nearly as well."""
+    return tuple(
+        other
+        for other in candidates
+        if other is not winner
+        and other.is_plausible
+        and not other.is_bound
+        and other.score.is_worthwhile()
+        and other.score.log_gain > winner.score.log_gain - _NEARLY
+        and other.train_log_gain > winner.train_log_gain - _NEARLY
+    )
+
+
+def sure_gain(final: Refit, other: Refit, split: DataSplit) -> float:
+    """Return the gain of another fit in log likelihood, its samples counted as independent ones."""
+    return _n_effective(other, split) * math.log(final.squared_error / other.squared_error)
+
+
+def _n_effective(fitted: Refit, split: DataSplit) -> float:
+    return split.n_used / residual_inflation(fitted, split.train)
+
+
+def residual_inflation(final: Refit, records: tuple[FitRecord, ...]) -> float:
+    """Return by how much correlation of what is left widens standard errors."""
+    return max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(final.residual, records, strict=True))

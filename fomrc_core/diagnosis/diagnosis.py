@@ -1,0 +1,271 @@
+"""What the simulation gets wrong, why, and what mending it gains.
+
+    diagnose(recordings, test=..., report=...) -> Diagnosis
+
+The base is hysteresis and creep on a grid of thresholds fine enough that it is not what is wrong (or the given
+model, in which case too few elements are a cause of their own); the search for causes is in search.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
+from fomrc_core.diagnosis.extended_model import extend
+from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
+from fomrc_core.diagnosis.missing_elements import coarse_chain, missing_step, n_elements_needed
+from fomrc_core.diagnosis.next_experiment import propose
+from fomrc_core.diagnosis.search import SearchResult, Step, search
+from fomrc_core.effects import effect_classes
+from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.base_fit import (
+    centred,
+    choose_starts,
+    fit_base,
+    longest_sweep,
+    rebased,
+    residuals,
+    threshold_grid,
+)
+from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.identification.convex import check_usable
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.noise import NoiseFloor, noise_floor
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import rms
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+N_THRESHOLDS = 112  # of the first fit
+N_GRID = 224  # from which plays are then chosen: a ceramic's own are not on the grid
+EXPLAINED_RATIO = 1.5  # of any record to the noise floor
+EXPLAINED_HELD_OUT_RATIO = 1.2  # the same on held-out data, where the floor has all of the noise in it
+_LARGEST_RATIO_OF_RANGES = 1e4
+
+
+class Status(Enum):
+    """What a diagnosis came to."""
+
+    EXPLAINED = "explained"
+    SUSPECT = "suspect"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+    NOTHING_FOUND = "nothing_found"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordView:
+    """One record before and after, arrays of shape (n_samples,).
+
+    Attributes:
+        name: of the record.
+        role: "train", "test" or "report".
+        time_s: time from its start [s].
+        voltage_v: drive [V].
+        measured_um: measured displacement [um].
+        residual_before_um: measured minus the base model [um], offset removed.
+        residual_after_um: measured minus the extended model [um], offset removed.
+    """
+
+    name: str
+    role: str
+    time_s: Array
+    voltage_v: Array
+    measured_um: Array
+    residual_before_um: Array
+    residual_after_um: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What the simulation gets wrong, why, and what mending it gains.
+
+    Attributes:
+        status: of the whole.
+        noise: noise floor by either way [um].
+        noise_floor_um: the floor errors are compared with [um].
+        baseline_train_percent: NRMSE of the base model on the training data [%].
+        baseline_test_percent: the same on held-out data [%].
+        final_test_percent: NRMSE of the extended model on held-out data [%].
+        findings: causes in order of acceptance.
+        ambiguous_with: causes the last finding could not be told from.
+        unexplained_percent: share of the base model's excess power over the floor that is left [%].
+        smallest_detectable: per cause, the size of its main parameter this data would have revealed.
+        next_experiment: what to measure next, and why.
+        extended_model: the model with what was found.
+        records: every record before and after.
+        quoted_on: which record before and after are quoted on.
+    """
+
+    status: Status
+    noise: NoiseFloor
+    noise_floor_um: float
+    baseline_train_percent: float
+    baseline_test_percent: float
+    final_test_percent: float
+    findings: tuple[Finding, ...]
+    ambiguous_with: tuple[str, ...]
+    unexplained_percent: float
+    smallest_detectable: Mapping[str, Mapping[str, float]]
+    next_experiment: str
+    extended_model: PiezoModel
+    records: tuple[RecordView, ...]
+    quoted_on: str
+
+    def summary(self) -> str:
+        """Return the diagnosis in a few lines."""
+        lines = [f"status: {self.status.value}; noise floor {1e3 * self.noise_floor_um:.3g} nm rms"]
+        lines += [finding.sentence() for finding in self.findings]
+        if self.ambiguous_with:
+            lines.append(f"cannot be told from: {', '.join(self.ambiguous_with)}")
+        lines.append(
+            f"held-out error ({self.quoted_on}): {self.baseline_test_percent:.4g} % -> {self.final_test_percent:.4g} %"
+            f" of the range; unexplained {self.unexplained_percent:.3g} %"
+        )
+        lines.append(f"next: {self.next_experiment}")
+        return "\n".join(lines)
+
+
+@with_one_algebra_thread
+def diagnose(
+    recordings: Recording | Sequence[Recording],
+    *,
+    test: Recording | None = None,
+    report: Recording | None = None,
+    model: PiezoModel | None = None,
+    excluded_causes: Sequence[str] = (),
+    progress: Progress | None = None,
+    executor: ThreadPoolExecutor | None = None,
+) -> Diagnosis:
+    """Return what a simulation of the recordings gets wrong.
+
+    Args:
+        recordings: training records.
+        test: held-out record on which causes are accepted; without it blocks of the training records are held out.
+        report: third record on which before and after are quoted; no choice sees it.
+        model: base model whose structure (its elements) is questioned; by default a fine grid of elements.
+        excluded_causes: causes not to try.
+        progress: called with the share done and what is being done.
+        executor: screens, simulates and refits side by side.
+
+    Raises:
+        RecordingError: a record nothing can be learnt from.
+        ParameterError: an unknown cause.
+    """
+    tell = progress or (lambda _share, _text: None)
+    given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    check_usable([r for r in (*given, test, report) if r is not None])
+    for name in excluded_causes:
+        if name not in effect_classes():
+            raise ParameterError(
+                "unknown cause", where="excluded_causes", value=name, allowed=", ".join(effect_classes())
+            )
+    causes = tuple(name for name in effect_classes() if name not in excluded_causes and name != "missing_hysteresis")
+    tell(0.02, "noise floor")
+    noise = noise_floor(given)
+    split = split_data(given, test, report, noise.floor_um)
+    tell(0.05, "base model")
+    base = _base(split, N_THRESHOLDS)
+    found = search(base, split, causes, tell, executor)
+    is_allowed = "missing_hysteresis" not in excluded_causes
+    coarse = coarse_chain(model, split) if model is not None else None
+    first: Step | None = None
+    tell(0.96, "number of elements")
+    if coarse is not None and is_allowed:
+        first = missing_step(coarse, base, found.chain, split, len(effect_classes()))
+    return _result(split, noise, base if first is None else coarse or base, found, first, tell)
+
+
+def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
+    columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
+    chain, _, _ = fit_base(split.train, columns, choose_starts(split.train))
+    n_grid = min(max(longest_sweep(split.train), n_thresholds), N_GRID)
+    extra = tuple(() for _ in range(split.n_records - len(split.train)))
+    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(split.train, n_grid))
+    return refit(rebased(chain, split.train), split.train, n_iterations=3).chain
+
+
+def _result(
+    split: DataSplit, noise: NoiseFloor, base: TrialModel, found: SearchResult, first: Step | None, tell: Progress
+) -> Diagnosis:
+    steps = (first, *found.steps) if first is not None else found.steps
+    extension = extend(found.chain, split)
+    tell(0.97, "what remains")
+    records, worst, floor = _views(split, base, extension.chain, noise)
+    span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
+    before = rms(np.concatenate(held_residuals(base, split.report)))
+    after = rms(np.concatenate(held_residuals(extension.chain, split.report)))
+    train_span = max(float(np.ptp(r.measured_um)) for r in split.train)
+    train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
+    findings = findings_of(steps, extension.chain, found.final, split, floor, n_elements_needed(extension.model))
+    tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
+    is_clean = worst <= EXPLAINED_RATIO * floor
+    if tied:
+        status = Status.AMBIGUOUS
+    elif findings:
+        # a cause that stands in for the true one comes close; what it leaves is told from noise by repeats alone
+        ratio = EXPLAINED_HELD_OUT_RATIO if noise.sees_slow_noise else EXPLAINED_RATIO
+        status = Status.EXPLAINED if is_clean and after <= ratio * floor else Status.SUSPECT
+    else:
+        status = Status.NOTHING_FOUND if is_clean else Status.UNEXPLAINED
+    excess = max(before**2 - floor**2, 1e-300)
+    unexplained = 100.0 * float(np.clip((after**2 - floor**2) / excess, 0.0, 1.0)) if before > floor else 0.0
+    return Diagnosis(
+        status=status,
+        noise=noise,
+        noise_floor_um=floor,
+        baseline_train_percent=100.0 * train / train_span,
+        baseline_test_percent=100.0 * before / span,
+        final_test_percent=100.0 * after / span,
+        findings=findings,
+        ambiguous_with=tuple(tied),
+        unexplained_percent=unexplained,
+        smallest_detectable=smallest_detectable(found.screened, split),
+        next_experiment=propose(status.value, steps, found.runner_up, extension.model, split, floor),
+        extended_model=extension.model,
+        records=records,
+        quoted_on=split.report[0].record.recording.name,
+    )
+
+
+def _views(
+    split: DataSplit, base: TrialModel, chain: TrialModel, noise: NoiseFloor
+) -> tuple[tuple[RecordView, ...], float, float]:
+    """Return the records before and after, the worst rms of any, and the floor with what was found taken out."""
+    roles = [("train", HeldOut(record, i)) for i, record in enumerate(split.train)]
+    roles += [("test", h) for h in split.held if h.index >= len(split.train)]
+    roles += [("report", h) for h in split.report if h.index > len(split.train)]
+    views, errors, cleaned = [], [], []
+    for role, part in roles:
+        record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
+        before = _best_start(base, record, part.index)
+        after = _best_start(chain, record, part.index)
+        views.append(
+            RecordView(record.recording.name, role, record.time_s, record.voltage_v, record.measured_um, before, after)
+        )
+        errors.append(rms(after[record.is_used]))
+        if role == "train":
+            cleaned.append(replace(record.recording, displacement_um=after))
+    again = noise_floor(cleaned)
+    return tuple(views), max(errors), min(noise.floor_um, again.floor_um)
+
+
+def _best_start(chain: TrialModel, record: FitRecord, index: int) -> Array:
+    if index < len(chain.record_effects) and not chain.record_effects[index] and record.voltage_v[0] != 0.0:
+        own = list(chain.record_effects)
+        own[index] = (record.at_rest(),)
+        options = [chain, replace(chain, record_effects=tuple(own))]
+    else:
+        options = [chain]
+    found = [centred(record.measured_um - predict(o, record, index), record.is_used) for o in options]
+    return min(found, key=lambda r: rms(r[record.is_used]))

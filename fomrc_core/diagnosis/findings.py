@@ -1,0 +1,151 @@
+"""A finding: a cause with its parameters, their uncertainty, what naming it gained, and the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.decision import residual_inflation
+from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
+from fomrc_core.diagnosis.screening import Screened
+from fomrc_core.diagnosis.search import Step
+from fomrc_core.effects import Effect, effect_classes
+from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.residual import rms
+
+Values = Mapping[str, float | list[float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A cause that was accepted.
+
+    Attributes:
+        cause: its name.
+        parameters: its parameters.
+        standard_errors: of the parameters the fit moved.
+        nrmse_percent_test_before: held-out error without it [%].
+        nrmse_percent_test_after: held-out error with it [%].
+        gain: (before - after) / (before - floor).
+        p_value: of the hypothesis that it gains nothing on held-out data.
+        evidence: why it was accepted, in a sentence.
+        meaning: what it is, in a sentence.
+    """
+
+    cause: str
+    parameters: Values
+    standard_errors: Mapping[str, float]
+    nrmse_percent_test_before: float
+    nrmse_percent_test_after: float
+    gain: float
+    p_value: float
+    evidence: str
+    meaning: str
+
+    def sentence(self) -> str:
+        """Return the finding in a line."""
+        shown = []
+        for name, value in self.parameters.items():
+            if isinstance(value, list):
+                shown.append(f"{name}: {len(value)} values")
+                continue
+            error = self.standard_errors.get(name)
+            if error is None and value == getattr(effect_classes()[self.cause], name, None):
+                continue  # a part of the effect that is not in use
+            shown.append(f"{name} {value:.5g}" + (f" +- {error:.2g}" if error is not None else ""))
+        return (
+            f"{self.cause} ({', '.join(shown)}): held-out error {self.nrmse_percent_test_before:.4g} % -> "
+            f"{self.nrmse_percent_test_after:.4g} %"
+        )
+
+
+def findings_of(
+    steps: tuple[Step, ...], final_chain: TrialModel, final: Refit, split: DataSplit, floor_um: float, n_elements: int
+) -> tuple[Finding, ...]:
+    """Return the findings of the steps that stand, their parameters as in the final model.
+
+    Args:
+        steps: acceptances in order.
+        final_chain: the final model.
+        final: its joint refit, for standard errors.
+        split: records; before and after are quoted on its report stretches.
+        floor_um: noise floor [um].
+        n_elements: number of elements of the extended model.
+    """
+    if not steps:
+        return ()
+    span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
+    floor = 100.0 * floor_um / span
+    errors = final.standard_errors(split.train, residual_inflation(final, split.train))
+    chains = [step.before for step in steps[1:]] + [final_chain]
+    found = []
+    for step, after_chain in zip(steps, chains, strict=True):
+        cause = step.accepted.cause
+        kind = effect_classes()[cause]
+        before = 100.0 * rms(np.concatenate(held_residuals(step.before, split.report))) / span
+        after = 100.0 * rms(np.concatenate(held_residuals(after_chain, split.report))) / span
+        effect, index = _find(final_chain, cause)
+        parameters: Values = {"n_elements": float(n_elements)} if effect is None else effect.to_mapping()
+        own_errors = {name: value for (owner, at, name), value in errors.items() if owner == cause and at == index}
+        score = step.accepted.score
+        where = "" if index is None else f" in {split.train[index].recording.name}"
+        evidence = (
+            f"held-out error {1e3 * score.rms_before_um:.3g} -> {1e3 * score.rms_after_um:.3g} nm rms{where} "
+            f"(log gain {score.log_gain:.2f}, p {score.p_value:.1e}); training log gain "
+            f"{step.accepted.train_log_gain:.2f}; {kind.signature}"
+        )
+        found.append(
+            Finding(
+                cause,
+                parameters,
+                own_errors,
+                before,
+                after,
+                (before - after) / max(before - floor, 1e-12),
+                score.p_value,
+                evidence,
+                kind.meaning,
+            )
+        )
+    return tuple(found)
+
+
+def _find(chain: TrialModel, cause: str) -> tuple[Effect | None, int | None]:
+    if cause == "asymmetric_hysteresis" and chain.has_knees:
+        return chain.asymmetry(), None
+    for effect in chain.effects:
+        if effect.name == cause:
+            return effect, None
+    for index, own in enumerate(chain.record_effects):
+        for effect in own:
+            if effect.name == cause:
+                return effect, index
+    return None, None
+
+
+def smallest_detectable(screened: tuple[Screened, ...], split: DataSplit) -> dict[str, dict[str, float]]:
+    """Return per cause the size of its main parameter whose signature would have been worthwhile in this data.
+
+    A signature of power n sigma^2 (exp(gain) - 1) gives the held-out log gain asked for; the size follows from the
+    trial instance whose signature comes closest to that, by the power law of small effects.
+    """
+    needed = split.n_used * split.noise_um**2 * (np.exp(WORTHWHILE_LOG_GAIN) - 1.0)
+    best: dict[str, tuple[float, dict[str, float]]] = {}
+    for trial in screened:
+        kind = type(trial.effect)
+        value = getattr(trial.effect, kind.main_parameter)
+        if not isinstance(value, float) or value == 0.0 or trial.signature_power <= 0.0 or kind.name == "initial_state":
+            continue
+        if kind.name in ("amplifier_saturation", "mains_hum", "dac_quantization"):
+            continue
+        factor = float(np.sqrt(needed / trial.signature_power))
+        distance = abs(np.log(factor))
+        if kind.name not in best or distance < best[kind.name][0]:
+            best[kind.name] = (distance, {kind.main_parameter: abs(value) * factor**kind.size_exponent})
+    found = {name: size for name, (_, size) in best.items()}
+    found["mains_hum"] = {"amplitude_um": float(np.sqrt(2.0 * needed / split.n_used))}
+    return found

@@ -1,0 +1,150 @@
+"""Where the fits of a candidate cause begin: its trial instances at full size, joined over the records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.diagnosis.data_split import DataSplit, starts_unsure, with_own
+from fomrc_core.diagnosis.prehistory_search import with_searched_past
+from fomrc_core.diagnosis.screening import Screened, family_columns
+from fomrc_core.effects import Effect
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.fitting.base_fit import Tangent, residuals, squared_error, tangent
+from fomrc_core.fitting.joint_fit import FreeParameter, scan
+from fomrc_core.fitting.trial_model import TrialModel
+
+Array = NDArray[np.float64]
+
+_MAX_STARTS = 12
+
+
+def clear_error(start: TrialModel, split: DataSplit, space: Tangent) -> float:
+    """Return the squared error of a start once its linear part has followed [um^2]."""
+    return squared_error(split.train, space.remove(split.train, residuals(start, split.train)))
+
+
+def fit_starts(
+    chain: TrialModel, trials: list[Screened], bound: bool, split: DataSplit, space: Tangent
+) -> list[TrialModel]:
+    """Return chains with an effect from which fits of it begin.
+
+    Args:
+        chain: without it.
+        trials: instances of it, the likeliest first.
+        bound: whether it belongs to single records.
+        split: records.
+        space: tangent of the chain's linear part.
+    """
+    if isinstance(trials[0].effect, AsymmetricHysteresis):
+        return _asymmetric_starts(chain, trials)
+    if bound:
+        return [_joined(chain, group, split, space) for group in _groups(trials)]
+    if type(trials[0].effect).is_scanned:
+        return [chain.with_effect(trial.effect) for trial in trials[:2]]
+    # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
+    options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
+    best = sorted(options[1:], key=lambda option: clear_error(option, split, space))[:2]
+    return [options[0], *best]
+
+
+def _groups(trials: list[Screened]) -> list[list[Screened]]:
+    """Return the trials by form: what a fit of them moves, and whether a past went far or stayed near.
+
+    Beyond the range of the drive an excursion of any size is the same past: a fit that gets there stays there.
+    """
+    farthest_v = max(_way_v(trial) for trial in trials)
+    groups: dict[tuple[tuple[str, ...], bool], list[Screened]] = {}
+    for trial in trials:
+        is_far = _way_v(trial) > 0.5 * farthest_v
+        groups.setdefault((trial.effect.free_names(), is_far), []).append(trial)
+    for group in groups.values():
+        seen = {trial.index for trial in group}
+        group += [trial for trial in trials if trial.index not in seen]
+    return list(groups.values())
+
+
+def _way_v(trial: Screened) -> float:
+    past = trial.effect
+    return abs(past.extreme_v - past.resting_v) if isinstance(past, InitialState) else 0.0
+
+
+def _joined(chain: TrialModel, trials: list[Screened], split: DataSplit, space: Tangent) -> TrialModel:
+    """Return the chain with the best trial of every record."""
+    for index in sorted({trial.index for trial in trials if trial.index is not None}):
+        here = [t.effect for t in trials if t.index == index]
+        pasts = [effect for effect in here if isinstance(effect, InitialState)]
+        if pasts:
+            chain = with_searched_past(chain, index, pasts, lambda c: clear_error(c, split, space))
+            continue
+        own = [t for t in trials if t.index == index][:_MAX_STARTS]
+        plain = space.remove(split.train, residuals(chain, split.train))
+        chain = min((_resized(chain, t, plain, split, space) for t in own), key=lambda option: option[0])[1]
+    return chain
+
+
+def _resized(
+    chain: TrialModel, trial: Screened, plain: tuple[Array, ...], split: DataSplit, space: Tangent
+) -> tuple[float, TrialModel]:
+    """Return the error of a trial of one record beside what was joined before it, sized to that, and the chain."""
+    option = chain.with_effect(sized(trial), trial.index)
+    left = space.remove(split.train, residuals(option, split.train))
+    gain = power = 0.0
+    for record, before, after in zip(split.train, plain, left, strict=True):
+        signature = (before - after)[record.is_used]
+        gain += float(np.dot(before[record.is_used], signature))
+        power += float(np.dot(signature, signature))
+    error = squared_error(split.train, left)
+    if not power > 0.0 or not gain > 0.0:
+        return error, option
+    again = replace(trial, amplitude=trial.amplitude * gain / power)
+    return squared_error(split.train, plain) - gain**2 / power, chain.with_effect(sized(again), trial.index)
+
+
+def _asymmetric_starts(chain: TrialModel, trials: list[Screened]) -> list[TrialModel]:
+    """Return a warp of the drive alone, and the whole family of one-sided plays with a warp."""
+    warped = chain.with_effect(AsymmetricHysteresis(warp_per_v=1e-9, warp_per_v2=1e-9))
+    family = next(
+        (t.effect for t in trials if isinstance(t.effect, AsymmetricHysteresis) and t.effect.thresholds_v), None
+    )
+    if family is None:
+        return [warped]
+    assert isinstance(family, AsymmetricHysteresis)
+    columns = family_columns(chain, family)
+    added = columns.thresholds_v.size - chain.weights.size
+    full = replace(warped, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))
+    return [warped, full]
+
+
+def scanned(start: TrialModel, split: DataSplit, space: Tangent, trial: Screened) -> TrialModel:
+    """Return the start with the effect's main parameter scanned about its value."""
+    spec = next(p for p in trial.effect.parameters if p.name == trial.effect.main_parameter)
+    return scan(start, split.train, space, FreeParameter(trial.cause, trial.index, spec, 1.0))
+
+
+def sized(trial: Screened) -> Effect:
+    """Return the instance with its linear parameters scaled as the screening found."""
+    effect = trial.effect
+    changes = {}
+    for name in effect.linear_parameters:
+        value = getattr(effect, name)
+        if isinstance(value, float) and value != 0.0:
+            spec = next(s for s in effect.parameters if s.name == name)
+            changes[name] = min(max(value * trial.amplitude, spec.lower), spec.upper)
+    return replace(effect, **changes) if changes else effect
+
+
+def start_variants(chain: TrialModel, split: DataSplit, space: Tangent) -> list[tuple[TrialModel, Tangent]]:
+    """Return the chain, and the chain with the other assumption on how records of unsure start begin."""
+    unsure = [i for i, r in enumerate(split.train) if starts_unsure(r)]
+    flipped = chain
+    for i in unsure:
+        own = flipped.record_effects[i]
+        if any(isinstance(e, InitialState) and e.free_names() for e in own):
+            return [(chain, space)]
+        others = tuple(e for e in own if not isinstance(e, InitialState))
+        flipped = with_own(flipped, i, others if len(others) < len(own) else (*others, split.train[i].at_rest()))
+    return [(chain, space)] + ([(flipped, tangent(flipped, split.train))] if unsure else [])

@@ -1,0 +1,64 @@
+"""Whether a given model has too few Maxwell elements: the cause missing_hysteresis, tested apart from the others."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.held_out_score import held_out_score
+from fomrc_core.diagnosis.search import Candidate, Step
+from fomrc_core.fitting.base_fit import residuals, squared_error
+from fomrc_core.fitting.element_fit import polish
+from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.piezo_model import PiezoModel
+
+_SIGNIFICANCE = 0.01
+
+
+def coarse_chain(model: PiezoModel, split: DataSplit) -> TrialModel:
+    """Return the given model's structure fitted to the training records: its number of elements, freely placed."""
+    starts = tuple(() for _ in split.train)
+    best = polish(model.play_form, model.creep_order, split.train, starts)
+    thresholds = np.concatenate(([0.0], best.form.thresholds))
+    weights = np.concatenate(([best.form.slope], best.form.weights))
+    own = tuple(() for _ in range(split.n_records))
+    return TrialModel(ColumnKinds.plays(thresholds), weights, best.order, (), own)
+
+
+def missing_step(
+    coarse: TrialModel, base: TrialModel, final: TrialModel, split: DataSplit, n_causes: int
+) -> Step | None:
+    """Return the acceptance of missing_hysteresis, or None where the coarse elements do with the effects found.
+
+    Tested beside the effects that were found, so that what an effect explains is not blamed on the elements.
+    """
+    with_effects = replace(coarse, effects=final.effects, record_effects=final.record_effects)
+    lesser = refit(with_effects, split.train).chain
+    score = held_out_score(held_residuals(lesser, split.held), held_residuals(final, split.held))
+    if not (score.is_worthwhile() and score.p_value < _SIGNIFICANCE / n_causes):
+        return None
+    left = residuals(base, split.train)
+    before = squared_error(split.train, residuals(coarse, split.train))
+    after = squared_error(split.train, left)
+    directions = tuple(np.zeros((r.time_s.size, 0)) for r in split.train)
+    fitted = Refit(base, after, (), directions, left, True)
+    quoted = held_out_score(held_residuals(coarse, split.held), held_residuals(base, split.held))
+    gained = Candidate(
+        "missing_hysteresis",
+        fitted,
+        replace(quoted, p_value=score.p_value),
+        math.log(before / after),
+        tuple(held_residuals(base, split.held)),
+        base.weights.size - coarse.weights.size,
+    )
+    return Step(coarse, gained, (), ())
+
+
+def n_elements_needed(model: PiezoModel) -> int:
+    """Return how many elements the extended model has."""
+    return model.n_elements

@@ -1,0 +1,65 @@
+"""Where the fit of a record's past begins: its excursion, its hold and its rest searched one after the other.
+
+A play remembers only how far the drive went, creep only the logarithm of how long: far from the answer the slopes
+lead a fit astray, into holds of no length and rests without end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.fitting.trial_model import TrialModel
+
+_EXCURSION_FACTORS = (0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.1, 1.2, 1.4)
+_TIME_FACTORS = (0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
+_N_SWEEPS = 2
+
+
+def with_searched_past(
+    chain: TrialModel, index: int, trials: list[InitialState], error_of: Callable[[TrialModel], float]
+) -> TrialModel:
+    """Return the chain with the past of one record that leaves the least error.
+
+    Searched from the best trial on either side of where the record begins.
+
+    Args:
+        chain: the chain.
+        index: which record.
+        trials: where to search from.
+        error_of: sum of squares a chain leaves [um^2].
+    """
+
+    def error_with(past: InitialState) -> float:
+        return error_of(chain.with_effect(past, index))
+
+    sides = [[past for past in trials if (past.extreme_v > past.resting_v) is is_above] for is_above in (True, False)]
+    begun = [min(side, key=error_with) for side in sides if side]
+    searched = [_searched(past, error_with) for past in begun]
+    return chain.with_effect(min(searched, key=error_with), index)
+
+
+def _searched(best: InitialState, error_with: Callable[[InitialState], float]) -> InitialState:
+    for _ in range(_N_SWEEPS):
+        for variants in (_excursions, _rests, _holds):
+            best = min((best, *variants(best)), key=error_with)
+    return best
+
+
+def _excursions(past: InitialState) -> list[InitialState]:
+    way = past.extreme_v - past.resting_v
+    return [replace(past, extreme_v=past.resting_v + factor * way) for factor in _EXCURSION_FACTORS]
+
+
+def _rests(past: InitialState) -> list[InitialState]:
+    return [replace(past, resting_s=_time(past.resting_s, factor)) for factor in _TIME_FACTORS]
+
+
+def _holds(past: InitialState) -> list[InitialState]:
+    return [replace(past, held_s=_time(past.held_s, factor)) for factor in _TIME_FACTORS]
+
+
+def _time(value_s: float, factor: float) -> float:
+    spec = next(p for p in InitialState.parameters if p.name == "held_s")
+    return min(max(value_s * factor, spec.lower), spec.upper)

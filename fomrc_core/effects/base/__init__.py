@@ -1,0 +1,10 @@
+"""What an effect is: its stage, parameters, response, inverse, and the evidence it may look at.
+
+Kernels that several effects share live here too; every other file of ``effects`` is one effect.
+"""
+
+__all__ = [
+    "effect",
+    "evidence",
+    "kernels",
+]

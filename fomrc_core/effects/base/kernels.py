@@ -1,0 +1,138 @@
+"""Kernels several effects share: first-order lag, delay line, exact for a drive linear between samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compute.compiled import compiled
+
+Array = NDArray[np.float64]
+
+DELAY_CAPACITY = 4096
+_DELAY_HEADER = 3
+
+
+@compiled
+def lag_weights(ratio: float) -> tuple[float, float]:
+    """Return (decay, ramp) of a first-order lag over a step of ``ratio`` time constants.
+
+    output = decay * output_before + (1 - decay - ramp) * input_before + ramp * input_now, exact for an input
+    linear over the step.
+    """
+    decay = math.exp(-ratio)
+    if ratio < 1e-3:
+        ramp = ratio * (0.5 - ratio * (1.0 / 6.0 - ratio * (1.0 / 24.0 - ratio / 120.0)))
+    else:
+        ramp = 1.0 + math.expm1(-ratio) / ratio
+    return decay, ramp
+
+
+@compiled
+def run_lag(state: Array, time_constant_s: float, values: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with the first-order lag of the values; state is (output, input) of the step before."""
+    output, before = state[0], state[1]
+    step = -1.0
+    decay, ramp = 0.0, 0.0
+    for k in range(values.size):
+        if steps_s[k] != step:
+            step = steps_s[k]
+            decay, ramp = lag_weights(step / time_constant_s)
+        output = decay * output + (1.0 - decay - ramp) * before + ramp * values[k]
+        before = values[k]
+        out[k] = output
+    state[0], state[1] = output, before
+
+
+def delay_state() -> Array:
+    """Return an empty delay line: count, elapsed time [s], reading place, then times and values."""
+    return np.zeros(_DELAY_HEADER + 2 * DELAY_CAPACITY)
+
+
+@compiled
+def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: Array) -> bool:
+    """Fill ``out`` with the values ``delay_s`` ago, linear between samples; before the start they were zero.
+
+    Returns whether the delay line was long enough for every sample.
+    """
+    count = int(state[0])
+    elapsed = state[1]
+    reader = int(state[2])  # how many samples are not younger than what is read
+    times = _DELAY_HEADER
+    stored = _DELAY_HEADER + DELAY_CAPACITY
+    is_long_enough = True
+    for k in range(values.size):
+        elapsed += steps_s[k]
+        slot = count % DELAY_CAPACITY
+        state[times + slot] = elapsed
+        state[stored + slot] = values[k]
+        count += 1
+        wanted = elapsed - delay_s
+        # Both ways: a changed delay takes over the state of another.
+        while reader < count and state[times + reader % DELAY_CAPACITY] <= wanted:
+            reader += 1
+        while reader > 0 and state[times + (reader - 1) % DELAY_CAPACITY] > wanted:
+            reader -= 1
+        if reader == count:
+            out[k] = values[k]
+            continue
+        earlier_time, earlier_value = 0.0, 0.0
+        if wanted > 0.0 and count - reader >= DELAY_CAPACITY:
+            is_long_enough = False  # what is to be read has been overwritten
+        if reader > 0:
+            earlier = (reader - 1) % DELAY_CAPACITY
+            earlier_time, earlier_value = state[times + earlier], state[stored + earlier]
+        later = reader % DELAY_CAPACITY
+        if wanted <= 0.0:
+            out[k] = 0.0
+        else:
+            share = (wanted - earlier_time) / (state[times + later] - earlier_time)
+            out[k] = earlier_value + share * (state[stored + later] - earlier_value)
+    state[0], state[1], state[2] = float(count), elapsed, float(reader)
+    return is_long_enough
+
+
+@compiled
+def elapsed_times(state: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with the time since the first sample [s]; state is (elapsed [s], whether started)."""
+    elapsed = state[0]
+    for k in range(steps_s.size):
+        if state[1] == 0.0:
+            state[1] = 1.0
+        else:
+            elapsed += steps_s[k]
+        out[k] = elapsed
+    state[0] = elapsed
+
+
+def knee_block(thresholds: Array, knees: Array, weights: Array) -> Array:
+    """Return a packed block of plays that count only above a knee: header, thresholds, knees, weights, plays."""
+    n_plays = len(thresholds)
+    return np.concatenate(([float(n_plays)], thresholds, knees, weights, np.zeros(n_plays)))
+
+
+@compiled
+def knee_sum(block: Array, value: float, is_kept: bool) -> float:
+    """Return sum of weight * (max(play, knee) - max(0, knee)) at an input; the plays move on if ``is_kept``.
+
+    A knee of -inf leaves a plain play.
+    """
+    n_plays = int(block[0])
+    total = 0.0
+    for j in range(n_plays):
+        threshold = block[1 + j]
+        knee = block[1 + n_plays + j]
+        play = min(max(block[1 + 3 * n_plays + j], value - threshold), value + threshold)
+        if is_kept:
+            block[1 + 3 * n_plays + j] = play
+        total += block[1 + 2 * n_plays + j] * (max(play, knee) - max(0.0, knee))
+    return total
+
+
+@compiled
+def run_knees(block: Array, values: Array, out: Array) -> None:
+    """Fill ``out`` with ``knee_sum`` of each input, shape (n_samples,)."""
+    for k in range(values.size):
+        out[k] = knee_sum(block, values[k], True)

@@ -1,0 +1,12 @@
+"""A model under fit: weights of either sign, effects, records, and their joint least squares.
+
+Identification and diagnosis both fit with what is here; neither has a fit of its own.
+"""
+
+__all__ = [
+    "base_fit",
+    "element_fit",
+    "joint_fit",
+    "play_columns",
+    "trial_model",
+]

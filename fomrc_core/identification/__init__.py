@@ -1,0 +1,12 @@
+"""From recordings to a model: the convex route, the paper's route, uncertainty, fleets.
+
+``identify`` is the way in.
+"""
+
+__all__ = [
+    "convex",
+    "element_count",
+    "fleet",
+    "paper",
+    "uncertainty",
+]

@@ -1,0 +1,277 @@
+"""Identify a model from input and output alone: the convex route, no start values, no local minima.
+
+Thresholds on a grid make the forward model linear in its weights, which are non-negative; the creep order is one
+more dimension, taken by Gauss-Newton. The weights are then merged to the wanted number of elements and polished
+on the forward error (34). The paper's own route (29)-(34) is ``method="paper"``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.base_fit import centred, choose_starts, fit_base, record_columns, threshold_grid
+from fomrc_core.fitting.element_fit import Polished, Starts, play_form_response, polish
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.identification.element_count import merged, non_negative_weights, split
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
+from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import rms
+from fomrc_core.records.usability import check_usable
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+N_GRID = 48
+AUTO_COUNTS = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 32, 40)
+_WORTH_ADDING = 0.01  # relative gain of the held-out error that justifies more elements
+_NOISE_REACHED = 1.2
+
+
+class FitOutcome(Enum):
+    """How good an identification is."""
+
+    GOOD = "good"
+    COARSE = "coarse"
+    UNDETERMINED = "undetermined"
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of an identification.
+
+    Attributes:
+        model: the identified model.
+        outcome: how good it is.
+        reason: the same in a sentence.
+        rms_um: forward error on the training records, offset removed [um].
+        nrmse_percent: the same in percent of the measured range.
+        noise_um: noise floor of the records [um].
+        test_nrmse_percent: error on the held-out record; nan without one.
+        offsets_um: offset of each training record [um].
+        residuals_um: measured minus predicted per training record [um].
+        creep_order_standard_error: standard error of the creep order [1].
+        relative_standard_errors: of slope, weights and thresholds of the play form, shape (2 n + 1,).
+        undetermined_elements: elements (by ascending threshold) whose weight or threshold the data leave open.
+        starts: how each record was found to begin: "relaxed" or "rested at its first voltage".
+    """
+
+    model: PiezoModel
+    outcome: FitOutcome
+    reason: str
+    rms_um: float
+    nrmse_percent: float
+    noise_um: float
+    test_nrmse_percent: float
+    offsets_um: tuple[float, ...]
+    residuals_um: tuple[Array, ...]
+    creep_order_standard_error: float
+    relative_standard_errors: Array
+    undetermined_elements: tuple[int, ...]
+    starts: tuple[str, ...]
+
+
+@with_one_algebra_thread
+def identify(
+    recordings: Recording | Sequence[Recording],
+    *,
+    n_elements: int | str = 10,
+    method: str = "convex",
+    test: Recording | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Return the model that fits the recordings.
+
+    Args:
+        recordings: one or more training records.
+        n_elements: number of elements that saturate, or "auto": as many as the held-out error asks for.
+        method: "convex", or "paper" for the route of section 3.
+        test: held-out record, for its error and for "auto"; without one "auto" holds out blocks.
+        progress: called with the share done and what is being done.
+
+    Raises:
+        RecordingError: a record nothing can be learnt from, see ``usability.check_usable``.
+        ParameterError: an unknown method or number of elements.
+    """
+    tell = progress or (lambda _share, _text: None)
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    check_usable(given)
+    if method == "paper":
+        from fomrc_core.identification.paper import identify_paper
+
+        if not isinstance(n_elements, int):
+            raise ParameterError(
+                "the paper's route needs a number", where="n_elements", value=n_elements, allowed="1 to 60"
+            )
+        return fit_of(identify_paper(given, n_elements=n_elements, progress=progress).model, given, test)
+    if method != "convex":
+        raise ParameterError("unknown method", where="method", value=method, allowed="convex, paper")
+    if n_elements != "auto" and not (isinstance(n_elements, int) and 1 <= n_elements <= 60):
+        raise ParameterError(
+            "number of elements out of range", where="n_elements", value=n_elements, allowed="1 to 60, or auto"
+        )
+    records = tuple(FitRecord.of(r) for r in given)
+    tell(0.05, "start of each record")
+    starts = choose_starts(records)
+    tell(0.15, "weights on the grid of thresholds")
+    dense, order = _dense_form(records, starts)
+    if n_elements == "auto":
+        best = _choose_count(dense, order, records, starts, test, tell)
+    else:
+        assert isinstance(n_elements, int)
+        tell(0.5, f"polish of {n_elements} elements")
+        best = _polished(dense, order, n_elements, records, starts)
+    tell(0.95, "error and uncertainty")
+    return _result(best, records, starts, given, test)
+
+
+def _dense_form(records: tuple[FitRecord, ...], starts: Starts) -> tuple[OperatorSum, float]:
+    columns = ColumnKinds.plays(threshold_grid(records, N_GRID))
+    chain, _, _ = fit_base(records, columns, starts)
+    return non_negative_form(chain, records), chain.creep_order
+
+
+def non_negative_form(chain: TrialModel, records: tuple[FitRecord, ...]) -> OperatorSum:
+    """Return the play form with non-negative weights on the chain's thresholds that fits the records best."""
+    n = chain.weights.size
+    gram, moment = np.zeros((n, n)), np.zeros(n)
+    for index, record in enumerate(records):
+        c = centred(record_columns(chain, record, index), record.is_used)[record.is_used]
+        gram += c.T @ c
+        moment += c.T @ centred(record.measured_um, record.is_used)[record.is_used]
+    weights = non_negative_weights(gram, moment)
+    thresholds = chain.columns.thresholds_v
+    slope = float(np.sum(weights[thresholds == 0.0]))
+    if not slope > 0.0:
+        # Without a slope there is no inverse: the finest play takes its place.
+        slope = max(1e-3 * float(np.sum(weights)), 1e-9)
+    return OperatorSum(slope, thresholds[thresholds > 0.0], weights[thresholds > 0.0])
+
+
+def _polished(
+    dense: OperatorSum, order: float, n_elements: int, records: tuple[FitRecord, ...], starts: Starts
+) -> Polished:
+    form = merged(dense, n_elements)
+    if form.thresholds.size == 0:
+        top = float(np.max(dense.thresholds))
+        form = OperatorSum(form.slope, np.array([0.5 * top]), np.array([1e-3 * form.slope]))
+    return polish(split(form, n_elements), order, records, starts)
+
+
+def _choose_count(
+    dense: OperatorSum,
+    order: float,
+    records: tuple[FitRecord, ...],
+    starts: Starts,
+    test: Recording | None,
+    tell: Progress,
+) -> Polished:
+    held: tuple[FitRecord, ...]
+    if test is not None:
+        learned, held = records, (FitRecord.of(test),)
+        held_starts = choose_starts(held)
+    else:
+        learned = tuple(r.using(~_held_blocks(r.time_s.size)) for r in records)
+        held, held_starts = tuple(r.using(_held_blocks(r.time_s.size)) for r in records), starts
+    scored: list[tuple[float, Polished]] = []
+    counts = [c for c in AUTO_COUNTS if c <= max(2, int(np.count_nonzero(dense.weights)))]
+    for number, count in enumerate(counts):
+        tell(0.2 + 0.7 * number / len(counts), f"{count} elements against held-out data")
+        found = _polished(dense, order, count, learned, starts)
+        left = [
+            centred(r.measured_um - play_form_response(found.form, found.order, r, s), r.is_used)[r.is_used]
+            for r, s in zip(held, held_starts, strict=True)
+        ]
+        scored.append((rms(np.concatenate(left)), found))
+    least = min(score for score, _ in scored)
+    chosen = next(found for score, found in scored if score <= (1.0 + _WORTH_ADDING) * least)
+    return chosen if test is not None else _polished(dense, order, chosen.form.thresholds.size, records, starts)
+
+
+def _held_blocks(n_samples: int) -> NDArray[np.bool_]:
+    # ten blocks, every third held out
+    return np.asarray((np.arange(n_samples) * 10 // n_samples) % 3 == 1)
+
+
+def _result(
+    best: Polished, records: tuple[FitRecord, ...], starts: Starts, given: Sequence[Recording], test: Recording | None
+) -> Fit:
+    model = PiezoModel(*elements_from_play_form(best.form), best.order)
+    n = best.form.thresholds.size
+    noise_variance = best.squared_error / sum(r.time_s.size for r in records)
+    scale = np.sqrt(np.maximum(np.diag(best.information), 1e-300))
+    covariance = np.linalg.pinv(best.information / scale[:, None] / scale[None, :], rcond=1e-14) * noise_variance
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+    seen = np.sqrt(np.diag(best.information)) > 0.0
+    errors = np.where(seen, errors, np.inf)
+    undetermined = tuple(j for j in range(n) if errors[1 + j] > 0.5 or errors[1 + n + j] > 0.5)
+    return fit_of(
+        model, given, test, starts=starts, order_error=float(errors[-1]), errors=errors[:-1], undetermined=undetermined
+    )
+
+
+def fit_of(
+    model: PiezoModel,
+    recordings: Sequence[Recording],
+    test: Recording | None,
+    *,
+    starts: Starts | None = None,
+    order_error: float = float("nan"),
+    errors: Array | None = None,
+    undetermined: tuple[int, ...] = (),
+) -> Fit:
+    """Return the errors of a model on its training and held-out records as a ``Fit``."""
+    records = tuple(FitRecord.of(r) for r in recordings)
+    starts = choose_starts(records) if starts is None else starts
+    left, offsets = [], []
+    for record, start in zip(records, starts, strict=True):
+        raw = record.measured_um - play_form_response(model.play_form, model.creep_order, record, start)
+        offsets.append(float(np.mean(raw)))
+        left.append(raw - np.mean(raw))
+    error = rms(np.concatenate(left))
+    span = max(float(np.ptp(r.measured_um)) for r in records)
+    noise = noise_floor(list(recordings)).floor_um
+    test_error = float("nan")
+    if test is not None:
+        held = FitRecord.of(test)
+        raw = held.measured_um - play_form_response(model.play_form, model.creep_order, held, choose_starts((held,))[0])
+        test_error = 100.0 * float(np.std(raw)) / float(np.ptp(held.measured_um))
+    if undetermined:
+        outcome = FitOutcome.UNDETERMINED
+        reason = (
+            f"{len(undetermined)} of {model.n_elements} elements are not determined by this drive: "
+            "use more amplitudes or fewer elements"
+        )
+    elif error <= _NOISE_REACHED * noise:
+        outcome, reason = FitOutcome.GOOD, f"error {1e3 * error:.3g} nm rms, at the noise of {1e3 * noise:.3g} nm"
+    else:
+        outcome = FitOutcome.COARSE
+        ratio = error / max(noise, 1e-12)
+        reason = (
+            f"error {1e3 * error:.3g} nm rms is {ratio:.3g} times the noise: diagnose the record, something is "
+            "not in the model"
+        )
+    return Fit(
+        model,
+        outcome,
+        reason,
+        error,
+        100.0 * error / span,
+        noise,
+        test_error,
+        tuple(offsets),
+        tuple(left),
+        order_error,
+        np.full(2 * model.n_elements + 1, np.nan) if errors is None else errors,
+        undetermined,
+        tuple("rested at its first voltage" if s else "relaxed" for s in starts),
+    )

@@ -1,0 +1,15 @@
+"""The model of the chain, its state, its simulation and its inverse.
+
+``PiezoModel`` says what an actuator is; ``ModelState`` is the one thing that changes while it is stepped.
+"""
+
+__all__ = [
+    "compensator",
+    "kernels",
+    "literal_model",
+    "piezo_model",
+    "plain_kernels",
+    "record_start",
+    "streaming",
+    "substeps",
+]

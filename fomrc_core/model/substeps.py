@@ -1,0 +1,71 @@
+"""Into how many parts a step is divided where hysteresis and creep bend the response within it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects import Effect
+
+Array = NDArray[np.float64]
+
+N_SUBSTEPS = 5
+N_PARTS_LARGE = 8
+N_PARTS_RINGING = 20
+LARGE_CHANGE = 0.02  # of the largest threshold
+SMALL_CHANGE = 1e-3
+
+# Creep after a jump D bends by about D a / m^2 in the m-th step after it (a: creep order, a few hundredths).
+_BEND_AFTER = 0.1
+_BEND_FADES = 0.5
+
+
+@compiled
+def _with_bend_after(size: Array, bend: float, out: Array) -> float:
+    for k in range(size.size):
+        out[k] = max(size[k], bend)
+        bend = max(_BEND_AFTER * size[k], _BEND_FADES * bend)
+    return bend
+
+
+def parts_of_steps(
+    change_v: Array, scale_v: float, effects: tuple[Effect, ...], is_coarse: bool, bend_v: float = 0.0
+) -> tuple[NDArray[np.int64], float]:
+    """Return into how many equal parts each step is divided, shape (n_samples,), and the bend left for the next [V].
+
+    Within a step the drive is linear but hysteresis bends it, and creep and the effects see the bend; it grows with
+    the change of the drive. After a jump creep goes on bending for a few steps in which the drive rests: a ringing
+    mass would be driven by a straight line there that is not what drives it.
+
+    Args:
+        change_v: change of the drive over each step [V], shape (n_samples,).
+        scale_v: largest threshold of the plays [V].
+        effects: effects of the chain.
+        is_coarse: divide the largest steps only.
+        bend_v: bend left over from the steps before [V].
+    """
+    size = np.abs(change_v)
+    if is_coarse or not any(effect.needs_substeps for effect in effects):
+        return np.where(size > LARGE_CHANGE * scale_v, N_PARTS_LARGE, 1), 0.0
+    bent = np.empty(size.size)
+    bend_v = _with_bend_after(size, bend_v, bent)
+    parts = np.where(bent > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1)
+    parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
+    if {"mechanical_resonance", "transport_delay"} <= {effect.name for effect in effects}:
+        # The delay is read between the parts, as on a straight line: at a third of the sample rate a fifth of a sample
+        # is 2 % of the ringing off, a twentieth 0.1 %.
+        parts = np.maximum(parts, N_PARTS_RINGING)
+    return parts, bend_v
+
+
+def subdivide(
+    steps: Array, drive: Array, last: float, parts: NDArray[np.int64]
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return steps and a linear drive on equal parts of each step, and where each sample then stands."""
+    before = np.concatenate(([last], drive[:-1]))
+    ends = np.cumsum(parts) - 1
+    within = np.arange(1, ends[-1] + 2) - np.repeat(ends + 1 - parts, parts)
+    fine = np.repeat(before, parts) + np.repeat((drive - before) / parts, parts) * within
+    fine[ends] = drive
+    return np.repeat(steps / parts, parts), fine, ends

@@ -1,0 +1,11 @@
+"""The paper's two blocks: hysteresis by Maxwell elements, creep by a fractional integrator.
+
+Each is a packed state and the kernels that move it; neither knows the other.
+"""
+
+__all__ = [
+    "creep",
+    "creep_full_memory",
+    "creep_modes",
+    "hysteresis",
+]

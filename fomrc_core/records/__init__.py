@@ -1,0 +1,13 @@
+"""A recording, and what can be said of it without a model: noise, usability, excitation, residual.
+
+What a drive of a certain shape is (turning points, kinds of loops, repeats) is answered here, once.
+"""
+
+__all__ = [
+    "arguments",
+    "excitation",
+    "noise",
+    "recording",
+    "residual",
+    "usability",
+]

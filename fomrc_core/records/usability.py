@@ -1,0 +1,120 @@
+"""Whether a recording can teach anything: refused where it cannot, each reason in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.errors import RecordingError
+from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.recording import Recording
+
+N_SAMPLES_MIN = 100
+LONGEST_GAP_STEPS = 20.0
+SAMPLE_PERIOD_S = (1e-7, 100.0)
+GAIN_UM_PER_V = (1e-4, 1e4)
+
+# A sensor at the end of its range gives one reading for a stretch of samples while the voltage goes on.
+_N_CLIPPED_MIN = 20
+_CLIPPED_RUN = 5
+_CLIPPED_SHARE = 0.01
+
+
+def check_usable(recordings: Sequence[Recording]) -> None:
+    """Raise RecordingError for the first record nothing can be learnt from.
+
+    Args:
+        recordings: records to learn from or to be judged by.
+
+    Raises:
+        RecordingError: none given; too short; a gap in time; a sample period, a voltage, a
+            displacement or a gain that no piezo actuator has; a sensor that was clipped.
+    """
+    if not recordings:
+        raise RecordingError("no recording given", where="recordings", allowed="one or more")
+    for record in recordings:
+        _check_time(record)
+        _check_moves(record)
+        _check_units(record)
+        _check_not_clipped(record)
+
+
+def _check_time(record: Recording) -> None:
+    if record.n_samples < N_SAMPLES_MIN:
+        raise RecordingError(
+            "record is too short", where=record.name, value=record.n_samples, allowed=f"{N_SAMPLES_MIN} samples or more"
+        )
+    period_s = record.sample_period_s
+    if not SAMPLE_PERIOD_S[0] <= period_s <= SAMPLE_PERIOD_S[1]:
+        raise RecordingError(
+            "time is in other units than seconds, by its median step",
+            where=f"{record.name}: time_s",
+            value=period_s,
+            allowed=f"{SAMPLE_PERIOD_S[0]:g} to {SAMPLE_PERIOD_S[1]:g} s",
+        )
+    steps = np.diff(record.time_s)
+    longest, longest_allowed_s = int(np.argmax(steps)), LONGEST_GAP_STEPS * period_s
+    if steps[longest] > longest_allowed_s:
+        raise RecordingError(
+            f"gap after sample {longest}, at {record.time_s[longest]:.6g} s: what the drive did in it is not known",
+            where=f"{record.name}: time_s",
+            value=float(f"{steps[longest]:.6g}"),
+            allowed=f"steps up to {LONGEST_GAP_STEPS:g} times the median, {longest_allowed_s:.4g} s; "
+            "give the parts as records of their own",
+        )
+
+
+def _check_moves(record: Recording) -> None:
+    for column, values in (("voltage_v", record.voltage_v), ("displacement_um", record.measured_um)):
+        quantity = column.partition("_")[0]
+        if float(np.ptp(values)) == 0.0:
+            raise RecordingError(
+                f"{quantity} is constant",
+                where=f"{record.name}: {column}",
+                value=float(values[0]),
+                allowed=f"a {quantity} that moves",
+            )
+
+
+def _check_units(record: Recording) -> None:
+    gain = float(np.ptp(record.measured_um)) / float(np.ptp(record.voltage_v))
+    low, high = GAIN_UM_PER_V
+    if not low <= gain <= high:
+        likely = "metres given as um, or uV as V" if gain < low else "pm given as um, or MV as V"
+        raise RecordingError(
+            f"displacement range over voltage range is no piezo actuator's: {likely}?",
+            where=f"{record.name}: displacement_um",
+            value=gain,
+            allowed=f"{low:g} to {high:g} um/V",
+        )
+
+
+def _check_not_clipped(record: Recording) -> None:
+    x = record.measured_um
+    levels = np.unique(x)
+    resolution_um = float(np.min(np.diff(levels)))
+    # Where the sensor's steps hide its noise, a reading that stays the same says nothing.
+    if noise_floor((record,)).differences_um < 0.5 * resolution_um:
+        return
+    for name, end_um in (("highest", float(levels[-1])), ("lowest", float(levels[0]))):
+        starts, stops = _runs(x == end_um)
+        moved = [float(np.ptp(record.voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)]
+        n_clipped = int(np.sum(stops - starts))
+        if n_clipped >= _N_CLIPPED_MIN and max(moved) > _CLIPPED_SHARE * float(np.ptp(record.voltage_v)):
+            raise RecordingError(
+                f"sensor is clipped: {n_clipped} samples, the first at {record.time_s[starts[0]]:.6g} s, "
+                f"stand at exactly the {name} reading while the voltage moves",
+                where=f"{record.name}: displacement_um",
+                value=end_um,
+                allowed="a sensor inside of its range",
+            )
+
+
+def _runs(is_at_end: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where runs of true begin and end, those of a few samples left out."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], is_at_end.astype(np.int8), [0]))))
+    starts, stops = edges[::2], edges[1::2]
+    long = stops - starts >= _CLIPPED_RUN
+    return starts[long], stops[long]

@@ -1,0 +1,11 @@
+"""What a diagnosis or a fit says, for people: pictures, a page, JSON.
+
+Nothing is computed here that a number elsewhere depends on.
+"""
+
+__all__ = [
+    "diagnosis_figures",
+    "diagnosis_files",
+    "diagnosis_page",
+    "residual_views",
+]

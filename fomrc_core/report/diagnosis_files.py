@@ -1,0 +1,130 @@
+"""A diagnosis as files: JSON for programs, a model that runs, and a page to read.
+
+    write_report(diagnosis, directory)
+
+The page is made in report_page.py, its figures in plots.py.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fomrc_core.records.residual import rms
+from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
+from fomrc_core.report.diagnosis_page import page
+from fomrc_core.report.residual_views import is_settled
+from fomrc_core.storage import write_model, write_text
+from fomrc_core.storage.atomic import write_bytes
+
+if TYPE_CHECKING:
+    from fomrc_core.diagnosis.diagnosis import Diagnosis
+    from fomrc_core.diagnosis.findings import Finding
+
+JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
+    "diagnosis.json",
+    "extended_model.yaml",
+    "report.html",
+    "where_it_is_wrong.png",
+)
+
+
+def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> None:
+    """Write ``diagnosis.json``, ``extended_model.yaml``, ``report.html`` and its main figure as PNG.
+
+    Each file is written whole or not at all; the JSON comes last, so that who sees it finds the others.
+
+    Args:
+        diagnosis: what was found.
+        directory: existing folder; files of these names are replaced.
+
+    Raises:
+        StorageError: the folder is missing or cannot be written.
+    """
+    folder = Path(directory)
+    figures = {"simulation": png(simulation_figure(diagnosis)), "where": png(where_figure(diagnosis))}
+    all_records = records_figure(diagnosis)
+    if all_records is not None:
+        figures["records"] = png(all_records)
+    left = np.concatenate([v.residual_after_um for v in diagnosis.records if v.role == "train"])
+    write_model(diagnosis.extended_model, folder / MODEL_NAME, rms(left))
+    write_bytes(figures["where"], folder / FIGURE_NAME)
+    write_text(page(diagnosis, figures), folder / PAGE_NAME)
+    write_text(json.dumps(diagnosis_results(diagnosis), indent=2, allow_nan=False) + "\n", folder / JSON_NAME)
+
+
+def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis as plain numbers, strings and lists, None where there is no number."""
+    model = diagnosis.extended_model
+    results = {
+        "status": diagnosis.status.value,
+        "noise_floor_um": diagnosis.noise_floor_um,
+        "baseline": {
+            "nrmse_percent_train": diagnosis.baseline_train_percent,
+            "nrmse_percent_test": diagnosis.baseline_test_percent,
+        },
+        "findings": [_finding(finding) for finding in diagnosis.findings],
+        "ambiguous_with": list(diagnosis.ambiguous_with),
+        "unexplained_percent": diagnosis.unexplained_percent,
+        "smallest_detectable": {name: dict(size) for name, size in diagnosis.smallest_detectable.items()},
+        "next_experiment": diagnosis.next_experiment,
+        "extended": {
+            "nrmse_percent_test": diagnosis.final_test_percent,
+            "creep_order": model.creep_order,
+            "n_elements": model.n_elements,
+            "effects": [effect.name for effect in model.effects],
+            "not_inverted": {e.name: e.inverse_note for e in model.effects if not e.can_invert},
+        },
+        "noise": {
+            "differences_um": diagnosis.noise.differences_um,
+            "repeats_um": diagnosis.noise.repeats_um,
+        },
+        "quoted_on": {"name": diagnosis.quoted_on, "role": quoted_record(diagnosis).role},
+        "records": [
+            {
+                "name": view.name,
+                "role": view.role,
+                "n_samples": view.time_s.size,
+                "rms_um_before": rms(view.residual_before_um[kept]),
+                "rms_um_after": rms(view.residual_after_um[kept]),
+            }
+            for view in diagnosis.records
+            for kept in (is_settled(view.time_s, view.voltage_v),)
+        ],
+    }
+    plain = _plain(results)
+    assert isinstance(plain, dict)
+    return plain
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "cause": finding.cause,
+        "parameters": dict(finding.parameters),
+        "standard_errors": dict(finding.standard_errors),
+        "nrmse_percent_test_before": finding.nrmse_percent_test_before,
+        "nrmse_percent_test_after": finding.nrmse_percent_test_after,
+        "gain": finding.gain,
+        "p_value": finding.p_value,
+        "evidence": finding.evidence,
+        "meaning": finding.meaning,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return the value of plain types only; a number that is none, which JSON cannot hold, as None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    if isinstance(value, int):
+        return value
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,154 @@
+"""What a residual is looked at against: place in the loop, time at rest, frequency; and bins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+Array = NDArray[np.float64]
+
+_TURN_SHARE = 0.02  # of the voltage range: a drive that turns by less has not turned
+_REST_SHARE = 1e-3  # of the mean step while the drive moves: less is rest
+_N_PER_BIN_MIN = 8
+_SEGMENT = 4096
+_UNSURE_START_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Binned:
+    """A residual in bins of something else, arrays of shape (n_bins,).
+
+    Attributes:
+        centres: mean of what it is looked at against.
+        means: mean residual.
+        spreads: standard deviation of the residual.
+    """
+
+    centres: Array
+    means: Array
+    spreads: Array
+
+
+def is_settled(time_s: Array, voltage_v: Array) -> NDArray[np.bool_]:
+    """Return which samples say something of the model, shape (n_samples,).
+
+    Where a record begins away from zero volts nobody knows how it came there; its first fiftieth is left
+    out, as in the errors that are quoted.
+    """
+    if abs(float(voltage_v[0])) <= 0.01 * float(np.ptp(voltage_v)):
+        return np.ones(time_s.size, dtype=np.bool_)
+    return np.asarray(time_s - time_s[0] >= _UNSURE_START_SHARE * (time_s[-1] - time_s[0]))
+
+
+def loop_phase_deg(voltage_v: Array) -> Array:
+    """Return the place in the loop [deg], 0 to 180 rising and 180 to 360 falling, shape (n_samples,).
+
+    Within each half it is the share of the way from one turning point of the drive to the next, so that minor
+    loops and loops of any rate lie on each other; nan where the drive rests.
+    """
+    phase = np.full(voltage_v.size, np.nan)
+    turns = _turning_points(voltage_v)
+    for start, stop in pairwise(turns):
+        way = voltage_v[stop] - voltage_v[start]
+        share = np.clip((voltage_v[start : stop + 1] - voltage_v[start]) / way, 0.0, 1.0)
+        phase[start : stop + 1] = 180.0 * share + (0.0 if way > 0.0 else 180.0)
+    phase[_rests(voltage_v)] = np.nan
+    return phase
+
+
+def time_since_motion_s(time_s: Array, voltage_v: Array) -> Array:
+    """Return the time since the drive last moved [s], nan while it moves, shape (n_samples,)."""
+    rests = _rests(voltage_v)
+    last = np.maximum.accumulate(np.where(rests, -1, np.arange(rests.size)))
+    since = np.where(last >= 0, time_s - time_s[np.maximum(last, 0)], np.nan)
+    return np.asarray(np.where(rests, since, np.nan))
+
+
+def rate_v_per_s(time_s: Array, voltage_v: Array) -> Array:
+    """Return the rate of the drive [V/s], shape (n_samples,)."""
+    return np.asarray(np.gradient(voltage_v, time_s))
+
+
+def binned(against: Array, residual: Array, n_bins: int = 40, *, by_rank: bool = False) -> Binned:
+    """Return the residual in bins of equal width, or of equal count, those with few samples left out.
+
+    Args:
+        against: what to look at it against, nan where it has no value, shape (n_samples,).
+        residual: shape (n_samples,).
+        n_bins: how many bins.
+        by_rank: bins of equal count.
+    """
+    known = np.isfinite(against)
+    x, y = against[known], residual[known]
+    if x.size < _N_PER_BIN_MIN or float(np.ptp(x)) == 0.0:
+        return Binned(np.empty(0), np.empty(0), np.empty(0))
+    shares = np.linspace(0.0, 1.0, n_bins + 1)
+    edges = np.unique(np.quantile(x, shares) if by_rank else x.min() + np.ptp(x) * shares)
+    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+    counts = np.bincount(bins, minlength=edges.size - 1)
+    kept = counts >= _N_PER_BIN_MIN
+    divisor = np.maximum(counts, 1)
+    means = np.bincount(bins, y, edges.size - 1) / divisor
+    squares = np.bincount(bins, (y - means[bins]) ** 2, edges.size - 1) / divisor
+    centres = np.bincount(bins, x, edges.size - 1) / divisor
+    return Binned(centres[kept], means[kept], np.sqrt(squares[kept]))
+
+
+def amplitude_density(time_s: Array, residual: Array) -> tuple[Array, Array]:
+    """Return frequency [Hz] and amplitude density [unit/sqrt(Hz)] of a residual.
+
+    Unequal steps are interpolated to their median; the mean is removed and frequency zero left out.
+    """
+    step_s = float(np.median(np.diff(time_s)))
+    n = int(np.floor((time_s[-1] - time_s[0]) / step_s + 0.5)) + 1
+    even = np.interp(time_s[0] + step_s * np.arange(n), time_s, residual)
+    frequency_hz, power = welch(even, fs=1.0 / step_s, nperseg=min(n, max(n // 4, 256), _SEGMENT), detrend="constant")
+    return np.asarray(frequency_hz[1:]), np.sqrt(np.asarray(power[1:]))
+
+
+def envelope(time_s: Array, values: Array, n_points: int = 3000) -> tuple[Array, Array]:
+    """Return a curve with few points that looks the same: the least and greatest value of each stretch."""
+    if values.size <= n_points:
+        return time_s, values
+    n_each = int(np.ceil(values.size / (n_points // 2)))
+    n = values.size // n_each * n_each
+    blocks = values[:n].reshape(-1, n_each)
+    index = np.sort(np.column_stack((blocks.argmin(axis=1), blocks.argmax(axis=1))), axis=1)
+    index = np.unique((index + n_each * np.arange(blocks.shape[0])[:, None]).ravel())
+    index = np.concatenate((index, np.arange(n, values.size)))
+    return time_s[index], values[index]
+
+
+def _rests(voltage_v: Array) -> NDArray[np.bool_]:
+    moved = np.abs(np.diff(voltage_v)) > _REST_SHARE * _typical_step(voltage_v)
+    return ~np.concatenate((moved[:1], moved))
+
+
+def _typical_step(voltage_v: Array) -> float:
+    """Return the mean step of the drive while it moves [V]."""
+    steps = np.abs(np.diff(voltage_v))
+    moving = steps[steps > 1e-9 * float(np.ptp(voltage_v))]
+    return float(np.mean(moving)) if moving.size else 1.0
+
+
+def _turning_points(voltage_v: Array) -> list[int]:
+    """Return the samples at which the drive turns by more than a small share of its range, with the ends."""
+    tolerance = _TURN_SHARE * float(np.ptp(voltage_v))
+    turns, extreme, direction = [0], 0, 0
+    for k in range(1, voltage_v.size):
+        change = voltage_v[k] - voltage_v[extreme]
+        if direction == 0:
+            if abs(change) > tolerance:
+                direction, extreme = (1 if change > 0.0 else -1), k
+        elif change * direction > 0.0:
+            extreme = k
+        elif -change * direction > tolerance:
+            turns.append(extreme)
+            direction, extreme = -direction, k
+    if direction != 0 and extreme != turns[-1]:
+        turns.append(extreme)
+    return turns

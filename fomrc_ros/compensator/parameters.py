@@ -1,0 +1,189 @@
+"""Parameters of the compensator node, and the settings they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fomrc_core.control.compensation_loop import LoopSettings
+from fomrc_core.control.voltage_limits import LIMIT_SPECS, POLICIES, VoltageLimits
+from fomrc_core.errors import ParameterError
+from fomrc_core.model.compensator import Compensator
+from fomrc_ros.conversions import INTERFACES
+from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
+from fomrc_ros.node.parameter_files import default_folders, started_with
+from fomrc_ros.node.parameters import ParameterSpec
+
+
+def compensator_specs() -> tuple[ParameterSpec, ...]:
+    """Return the compensator's parameters."""
+    return (
+        ParameterSpec(
+            "rate_hz",
+            1000.0,
+            "rate of the loop and of voltage",
+            unit="Hz",
+            minimum=1.0,
+            maximum=5000.0,
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "autostart",
+            True,
+            "configure and activate at start, without a lifecycle manager",
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "interface", "float64", "message type of desired_position", choices=INTERFACES, is_read_only=True
+        ),
+        ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
+        *LIMIT_SPECS,
+        ParameterSpec(
+            "stale_after_s",
+            1.0,
+            "age at which a target counts as stale, 0 for never",
+            unit="s",
+            minimum=0.0,
+            maximum=1e6,
+        ),
+        ParameterSpec(
+            "stale_policy",
+            "hold",
+            "on a stale target: hold it, creep compensation going on, or ramp to the safe voltage",
+            choices=POLICIES,
+        ),
+        ParameterSpec(
+            "stop_policy",
+            "ramp",
+            "on deactivate and shutdown: hold the last voltage or ramp to the safe one",
+            choices=POLICIES,
+        ),
+        ParameterSpec(
+            "relax_amplitude_v",
+            2.5,
+            "first amplitude of the relaxation routine (27)-(28)",
+            unit="V",
+            minimum=1e-3,
+            maximum=1000.0,
+        ),
+        ParameterSpec(
+            "relax_duration_s",
+            10.0,
+            "duration of the relaxation routine",
+            unit="s",
+            minimum=0.1,
+            maximum=600.0,
+        ),
+        ParameterSpec(
+            "relax_frequency_hz",
+            10.0,
+            "frequency of the relaxation routine",
+            unit="Hz",
+            minimum=0.01,
+            maximum=100.0,
+        ),
+        ParameterSpec(
+            "history_s",
+            120.0,
+            "how much of the past is kept sample by sample for a changed creep order; thirty times as much in outline",
+            unit="s",
+            minimum=1.0,
+            maximum=3600.0,
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "checkpoint_file",
+            "",
+            "file that keeps the memory over a restart, none if empty",
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "checkpoint_period_s",
+            1.0,
+            "time between two checkpoints; a journal keeps the ticks between",
+            unit="s",
+            minimum=0.1,
+            maximum=3600.0,
+            is_read_only=True,
+        ),
+        ParameterSpec("parameters_file", started_with(), "file that ~/reload_parameters reads"),
+        ParameterSpec(
+            "allowed_folders",
+            default_folders(),
+            "folders files may be read from and written to",
+            is_read_only=True,
+        ),
+        *MODEL_SPECS,
+    )
+
+
+@dataclass(frozen=True)
+class CompensatorSettings:
+    """Everything that can change while the node runs.
+
+    Args:
+        compensator: of the model, None while no model has been given.
+        loop: limits and policies.
+        ramps_on_stop: ramp to the safe voltage on deactivate and shutdown; else hold.
+        relax_amplitude_v: first amplitude of the relaxation routine [V].
+        relax_duration_s: its duration [s].
+        relax_frequency_hz: its frequency [Hz].
+    """
+
+    compensator: Compensator | None
+    loop: LoopSettings
+    ramps_on_stop: bool
+    relax_amplitude_v: float
+    relax_duration_s: float
+    relax_frequency_hz: float
+
+
+class SettingsBuilder:
+    """Make settings of parameter values; a compensator is made anew only where the model changed."""
+
+    def __init__(self) -> None:
+        self._model_values: dict[str, Any] = {}
+        self._compensator: Compensator | None = None
+
+    def __call__(self, values: Mapping[str, Any]) -> CompensatorSettings:
+        """Return the settings.
+
+        Raises:
+            ParameterError: values that do not fit together.
+        """
+        limits = VoltageLimits.from_values(values)
+        amplitude = values["relax_amplitude_v"]
+        if not limits.minimum_v <= 0.0 <= limits.maximum_v and not amplitude < limits.maximum_v - limits.minimum_v:
+            raise ParameterError("wider than the voltage limits", where="relax_amplitude_v", value=amplitude)
+        return CompensatorSettings(
+            self._made(values),
+            LoopSettings(
+                limits,
+                values["stale_after_s"],
+                values["stale_policy"] == "ramp",
+                1.0 / values["rate_hz"],
+                values["history_s"],
+            ),
+            values["stop_policy"] == "ramp",
+            amplitude,
+            values["relax_duration_s"],
+            values["relax_frequency_hz"],
+        )
+
+    def _made(self, values: Mapping[str, Any]) -> Compensator | None:
+        model_values = {name: value for name, value in values.items() if name.startswith("model.")}
+        if model_values != self._model_values or self._compensator is None:
+            model = model_from_values(values)
+            self._compensator = None if model is None else warmed_up(Compensator(model))
+            self._model_values = model_values
+        return self._compensator
+
+
+def warmed_up(compensator: Compensator) -> Compensator:
+    """Return the compensator after one step on a throw-away state, so that nothing is compiled in the loop."""
+    try:
+        compensator.advance(compensator.initial_state(), 0.0, 1e-3)
+    except (ArithmeticError, ValueError) as error:
+        raise ParameterError(f"the model cannot be inverted: {error}", where="model") from None
+    return compensator

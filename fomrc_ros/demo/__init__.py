@@ -1,0 +1,11 @@
+"""``make demo``: a simulated stage linearised through real nodes, then a measured actuator identified.
+
+The figures are judged by the paper's own measure.
+"""
+
+__all__ = [
+    "demo",
+    "experiments",
+    "figures",
+    "node_processes",
+]

@@ -1,0 +1,250 @@
+"""A piezo stage linearised through the ROS graph, and a measured actuator identified: ``make demo``."""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from fomrc_core.errors import DataUnavailableError, FomrcError
+from fomrc_core.identification.convex import identify
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants import electromechanical
+from fomrc_core.records import excitation
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import nrmse_percent
+from fomrc_core.storage import make_directory, write_model
+from fomrc_ros.demo.experiments import (
+    COMPENSATED,
+    RATE_HZ,
+    UNCOMPENSATED,
+    Driver,
+    Response,
+    Target,
+    tracking_target,
+    triangle_target,
+)
+from fomrc_ros.demo.figures import save_figures
+from fomrc_ros.demo.node_processes import NodeProcess, private_environment
+from fomrc_ros.node.runtime import EXIT_BAD_INPUT, make_executor
+
+NOISE_UM = 1e-3
+AMPLITUDE_UM = 2.4
+PAPER_NRMSE = (5.04, 0.36)
+PAPER_NONLINEARITY = (12.06, 0.65)
+_CALIBRATION_RATE_HZ = 1000.0
+# A run in which the machine stood still for longer, and that missed the mark, is driven again.
+_GAP_S = 0.01
+_REPEATS = 2
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the demo; return 0 where it met the paper's figures."""
+    parser = argparse.ArgumentParser(prog="fomrc demo", description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder for model and figures")
+    options = parser.parse_args(arguments)
+    return run(options.output)
+
+
+def run(folder: Path) -> int:
+    """Run the demo and leave its model and figures in ``folder``; return the exit status."""
+    console = Console()
+    began = time.monotonic()
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    try:
+        make_directory(folder)
+    except FomrcError as error:
+        print(f"fomrc demo: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
+        with Progress(*columns, console=console) as progress:
+            model_path, gain, calibration_text = _calibrate(folder, progress)
+            results = _experiments(model_path, gain, progress)
+            paths = save_figures(results[0], results[1], folder)
+            measured_text = _measured_actuator(progress)
+    except FomrcError as error:
+        console.print(f"[red]demo: {error}")
+        return 1
+    except KeyboardInterrupt:
+        console.print("stopped")
+        return 130
+    console.print(calibration_text)
+    console.print(_table(results))
+    console.print(measured_text)
+    console.print(f"model {model_path}, figures {', '.join(str(path) for path in paths)}")
+    console.print(f"took {time.monotonic() - began:.0f} s")
+    has_met = _meets_tracking(results[0][0]) and _meets_linearity(results[1][0])
+    if not has_met:
+        console.print("[red]the paper's figures were not reached")
+    return 0 if has_met else 1
+
+
+def _calibrate(folder: Path, progress: Progress) -> tuple[Path, float, str]:
+    """Identify a model of the simulated stage from a record of it; return file, constant gain and a summary."""
+    task = progress.add_task("calibrating: the stage's answer to triangle and staircase", total=1.0)
+    plant = electromechanical.table1_plant()
+    routine = excitation.relaxation(2.5, duration_s=5.0, frequency_hz=2.0, rate_hz=_CALIBRATION_RATE_HZ)
+    triangle = excitation.triangle(2.5, slope_v_per_s=1.0, rate_hz=_CALIBRATION_RATE_HZ)
+    staircase = excitation.staircase(2.5, step_v=0.5, dwell_s=1.0, rate_hz=_CALIBRATION_RATE_HZ)
+    voltage_v = np.concatenate((routine.voltage_v, triangle.voltage_v, staircase.voltage_v))
+    state = plant.initial_state()
+    moved_um = np.empty(voltage_v.size)
+    for k, voltage in enumerate(voltage_v):
+        moved_um[k] = plant.advance(state, float(voltage), 1.0 / _CALIBRATION_RATE_HZ)
+        if k % 2000 == 0:
+            progress.update(task, completed=0.7 * k / voltage_v.size)
+    moved_um += NOISE_UM * np.random.default_rng(1).standard_normal(moved_um.size)
+    start = routine.voltage_v.size
+    time_s = np.arange(voltage_v.size - start) / _CALIBRATION_RATE_HZ
+    recording = Recording(time_s, voltage_v[start:], moved_um[start:], name="calibration")
+    fit = identify(
+        [recording],
+        progress=lambda fraction, text: progress.update(task, completed=0.7 + 0.3 * fraction),
+    )
+    progress.update(task, completed=1.0)
+    model_path = folder / "identified_model.yaml"
+    write_model(fit.model, model_path)
+    gain = float(np.polyfit(recording.voltage_v, recording.measured_um, 1)[0])
+    text = (
+        f"calibrated on {recording.duration_s:.0f} s of the electromechanical stage (1 nm noise): "
+        f"rms {1e3 * fit.rms_um:.2f} nm, creep order {fit.model.creep_order:.4f}"
+    )
+    return model_path, gain, text
+
+
+def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> list[tuple[Response, Response]]:
+    """Drive both experiments through topics; return with and without compensation for each."""
+    domain_id = random.randint(1, 100)
+    environment = private_environment(domain_id)
+    stage = {
+        "interface": "joint_state",
+        "plant": "electromechanical",
+        "noise_rms_m": 1e-6 * NOISE_UM,
+        "rate_hz": RATE_HZ,
+    }
+    targets = (tracking_target(AMPLITUDE_UM), triangle_target(AMPLITUDE_UM))
+    starting = progress.add_task("starting compensator and stage", total=None)
+    with ExitStack() as stack:
+        logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fomrc_demo_")))
+        nodes = [
+            stack.enter_context(NodeProcess(*node, environment, logs / f"{k}.log"))
+            for k, node in enumerate(
+                (
+                    ("fomrc_ros.compensator.node", f"/{COMPENSATED}", [model_path], {}),
+                    ("fomrc_ros.simulated_stage.node", f"/{COMPENSATED}", [], {**stage, "seed": 1}),
+                    ("fomrc_ros.simulated_stage.node", f"/{UNCOMPENSATED}", [], {**stage, "seed": 2}),
+                )
+            )
+        ]
+
+        def check() -> None:
+            for node in nodes:
+                if not node.is_running:
+                    raise FomrcError(f"a node ended early: {node.output().strip()}")
+
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+        stack.callback(rclpy.try_shutdown, context=context)
+        driver = Driver(gain_um_per_v, context)
+        stack.callback(driver.destroy_node)
+        executor = make_executor(context)
+        stack.callback(executor.shutdown)
+        executor.add_node(driver)
+        driver.wait_until_ready(executor, check)
+        progress.update(starting, total=1.0, completed=1.0)
+        results = []
+        for target, has_met in zip(targets, (_meets_tracking, _meets_linearity), strict=True):
+            gap_s = 0.0
+            for attempt in range(1 + _REPEATS):
+                again = f", again: the machine was busy for {1e3 * gap_s:.0f} ms" if attempt else ""
+                pair = _drive(driver, executor, target, again, progress)
+                check()
+                gap_s = pair[0].largest_gap_s
+                if has_met(pair[0]) or gap_s < _GAP_S:
+                    break
+            results.append(pair)
+    return results
+
+
+def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: Progress) -> tuple[Response, Response]:
+    duration_s = target.desired_um.size / RATE_HZ
+    task = progress.add_task(f"{target.name}, {duration_s:.0f} s{again}", total=1.0)
+
+    def show(fraction: float) -> None:
+        progress.update(task, completed=fraction)
+
+    executor.spin_until_future_complete(driver.start(target, show), timeout_sec=5.0 * duration_s)
+    show(1.0)
+    return driver.response(COMPENSATED), driver.response(UNCOMPENSATED)
+
+
+def _meets_tracking(response: Response) -> bool:
+    return response.nrmse_percent <= PAPER_NRMSE[1]
+
+
+def _meets_linearity(response: Response) -> bool:
+    return response.nonlinearity_percent <= PAPER_NONLINEARITY[1]
+
+
+def _measured_actuator(progress: Progress) -> str:
+    """Identify the measured stack actuator where its data can be had; return what came of it."""
+    from fomrc_core.storage import measured_examples as data_sources
+
+    try:
+        train, test = data_sources.pea_1hz()
+    except DataUnavailableError as error:
+        return f"measured actuator: skipped, {error}"
+    task = progress.add_task("identifying the measured actuator pea_1hz", total=1.0)
+    fit = identify([train], progress=lambda fraction, text: progress.update(task, completed=fraction))
+    error_percent, rms_um = forward_error(fit.model, test)
+    progress.update(task, completed=1.0)
+    return (
+        f"measured actuator pea_1hz (PICMA stack, 45 um): fitted to {train.duration_s:.0f} s, predicts the other "
+        f"record with {rms_um:.2f} um rms, NRMSE {error_percent:.2f} %"
+    )
+
+
+def forward_error(model: PiezoModel, test: Recording, from_s: float = 0.5) -> tuple[float, float]:
+    """Return NRMSE [%] and rms [um] of the forward prediction from ``from_s`` on, mean removed."""
+    predicted_um = model.simulate(test.steps_s, test.voltage_v)
+    late = test.time_s - test.time_s[0] >= from_s
+    measured_um, predicted_um = test.measured_um[late], predicted_um[late]
+    predicted_um = predicted_um + np.mean(measured_um - predicted_um)
+    rms_um = float(np.sqrt(np.mean((measured_um - predicted_um) ** 2)))
+    return float(nrmse_percent(measured_um, predicted_um)), rms_um
+
+
+def _table(results: list[tuple[Response, Response]]) -> Table:
+    table = Table(title="through ROS topics, electromechanical stage, 1 nm noise", title_justify="left")
+    table.add_column("experiment")
+    table.add_column("figure of merit")
+    for heading in ("without", "with", "paper without", "paper with"):
+        table.add_column(heading, justify="right")
+    (tracking, plain_tracking), (triangle, plain_triangle) = results
+    for name, merit, values, paper in (
+        ("tracking, figure 15", "NRMSE", (plain_tracking.nrmse_percent, tracking.nrmse_percent), PAPER_NRMSE),
+        (
+            "triangle, figure 16",
+            "nonlinearity",
+            (plain_triangle.nonlinearity_percent, triangle.nonlinearity_percent),
+            PAPER_NONLINEARITY,
+        ),
+    ):
+        table.add_row(name, merit, *(f"{value:.2f} %" for value in (*values, *paper)))
+    return table
+
+
+if __name__ == "__main__":
+    sys.exit(main())

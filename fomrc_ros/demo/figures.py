@@ -1,0 +1,69 @@
+"""Figures 15 and 16 of the paper, as the demo measured them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+from fomrc_ros.demo.experiments import Response
+
+_WITH, _WITHOUT, _WANTED = "#0a6ebd", "#c8553d", "#333333"
+
+
+def draw_tracking(top: Axes, bottom: Axes, compensated: Response, uncompensated: Response) -> None:
+    """Draw displacement and error against time, figure 15."""
+    top.plot(compensated.time_s, compensated.desired_um, color=_WANTED, lw=2.5, alpha=0.35, label="desired")
+    top.plot(uncompensated.time_s, uncompensated.measured_um, color=_WITHOUT, lw=1.0, label="without compensation")
+    top.plot(compensated.time_s, compensated.measured_um, color=_WITH, lw=1.0, label="with compensation")
+    top.set_ylabel("displacement [um]")
+    top.legend(loc="upper right", fontsize=8, frameon=False)
+    for response, color in ((uncompensated, _WITHOUT), (compensated, _WITH)):
+        error_nm = 1e3 * (response.measured_um - response.desired_um)
+        bottom.plot(response.time_s, error_nm, color=color, lw=0.8, label=f"NRMSE {response.nrmse_percent:.2f} %")
+    bottom.set_xlabel("time [s]")
+    bottom.set_ylabel("error [nm]")
+    bottom.legend(loc="upper right", fontsize=8, frameon=False)
+
+
+def draw_linearity(axes: Axes, compensated: Response, uncompensated: Response) -> None:
+    """Draw measured against desired displacement, figure 16."""
+    for response, color, label in (
+        (uncompensated, _WITHOUT, "without"),
+        (compensated, _WITH, "with"),
+    ):
+        axes.plot(
+            response.desired_um,
+            response.measured_um,
+            color=color,
+            lw=0.9,
+            label=f"{label} compensation: nonlinearity {response.nonlinearity_percent:.2f} %",
+        )
+    axes.set_xlabel("desired displacement [um]")
+    axes.set_ylabel("measured displacement [um]")
+    axes.legend(loc="upper left", fontsize=8, frameon=False)
+
+
+def save_figures(tracking: tuple[Response, Response], triangle: tuple[Response, Response], folder: Path) -> list[Path]:
+    """Save both figures, and the two side by side as one picture; each pair is with, without compensation."""
+    paths = [folder / "figure_15_tracking.png", folder / "figure_16_linearity.png", folder / "demo.png"]
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout="constrained")
+    draw_tracking(top, bottom, *tracking)
+    figure.savefig(paths[0], dpi=120)
+    plt.close(figure)
+    figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
+    draw_linearity(axes, *triangle)
+    figure.savefig(paths[1], dpi=120)
+    plt.close(figure)
+    figure = plt.figure(figsize=(12, 5), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(3, 2))
+    top = figure.add_subplot(grid[0, 0])
+    draw_tracking(top, figure.add_subplot(grid[1, 0], sharex=top), *tracking)
+    draw_linearity(figure.add_subplot(grid[:, 1]), *triangle)
+    figure.savefig(paths[2], dpi=100)
+    plt.close(figure)
+    return paths

@@ -1,0 +1,134 @@
+"""Example of several axes: a tunable filter whose three actuators set a gap, as a pair of nodes.
+
+``gap_command`` turns a desired piston, tip and tilt into the desired positions of three compensators;
+``gap_monitor`` turns three displacements back into the piston, tip and tilt there are.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from fomrc_core.errors import FomrcError, ParameterError
+from fomrc_ros.conversions import Float64Position, um_to_m
+from fomrc_ros.gap.geometry import AXES_SPEC, GEOMETRY_SPEC, MOTIONS, GapGeometry, motions_of
+from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
+from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
+from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
+from fomrc_ros.node.runtime import run
+
+_RATE_SPEC = ParameterSpec(
+    "rate_hz", 100.0, "rate of the gap", unit="Hz", minimum=1.0, maximum=1000.0, is_read_only=True
+)
+
+
+def _geometry(values: Mapping[str, Any]) -> GapGeometry:
+    if len(set(values["axes"])) != 3:
+        raise ParameterError("not three axes", where="axes", value=values["axes"], allowed="three namespaces")
+    return GapGeometry.from_list(values["geometry"])
+
+
+class _GapNode(Node):
+    def __init__(self, name: str, specs: tuple[ParameterSpec, ...]) -> None:
+        super().__init__(name, allow_undeclared_parameters=True)
+        self.stopped = Future()
+        self.parameters = NodeParameters(self, specs, _geometry, lambda geometry: None)
+        self.parameters.watch()
+        self.n_refused, self.last_refusal = 0, ""
+        self._diagnostics = DiagnosticsPublisher(self, "gap", self._describe)
+
+    def request_stop(self) -> None:
+        """Stop at once."""
+        if not self.stopped.done():
+            self.stopped.set_result(None)
+
+    def refuse(self, error: FomrcError) -> None:
+        """Count a message that could not be used."""
+        self.n_refused += 1
+        self.last_refusal = str(error)
+        self.get_logger().warning(f"refused: {error}", throttle_duration_sec=5.0)
+
+    def _describe(self) -> Report:
+        report = Report(values={"refused_messages": self.n_refused, "last_refusal": self.last_refusal})
+        if self.n_refused:
+            report.worsen(WARN, f"{self.n_refused} messages refused")
+        return report
+
+
+class GapCommand(_GapNode):
+    """Subscribes ``desired_gap`` (JointState: piston, tip, tilt), publishes ``desired_position`` per axis."""
+
+    def __init__(self) -> None:
+        super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC))
+        self._axes = [
+            self.create_publisher(Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable())
+            for axis in self.parameters.values["axes"]
+        ]
+        self.create_subscription(JointState, "desired_gap", self._on_gap, COMMAND, qos_overriding_options=overridable())
+
+    def _on_gap(self, message: JointState) -> None:
+        try:
+            motions = motions_of(message)
+        except FomrcError as error:
+            self.refuse(error)
+            return
+        for publisher, position in zip(self._axes, self.parameters.settings.displacements_m(motions), strict=True):
+            publisher.publish(Float64(data=float(position)))
+
+
+class GapMonitor(_GapNode):
+    """Subscribes ``displacement`` per axis, publishes ``gap`` (JointState: piston, tip, tilt)."""
+
+    def __init__(self) -> None:
+        super().__init__("gap_monitor", (GEOMETRY_SPEC, AXES_SPEC, _RATE_SPEC))
+        self._displacements_m = np.full(3, np.nan)
+        for k, axis in enumerate(self.parameters.values["axes"]):
+            self.create_subscription(
+                Float64,
+                f"{axis}/displacement",
+                self._listener(k),
+                MEASUREMENT,
+                qos_overriding_options=overridable(),
+            )
+        self._publisher = self.create_publisher(JointState, "gap", MEASUREMENT, qos_overriding_options=overridable())
+        self.create_timer(1.0 / self.parameters.values["rate_hz"], self._tick)
+
+    def _listener(self, k: int) -> Callable[[Float64], None]:
+        interface = Float64Position()
+
+        def on_displacement(message: Float64) -> None:
+            try:
+                self._displacements_m[k] = um_to_m(interface.to_um(message))
+            except FomrcError as error:
+                self.refuse(error)
+
+        return on_displacement
+
+    def _tick(self) -> None:
+        if np.any(np.isnan(self._displacements_m)):
+            return
+        motions = self.parameters.settings.motions(self._displacements_m)
+        message = JointState(name=list(MOTIONS), position=motions.tolist())
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def command_main(arguments: list[str] | None = None) -> int:
+    """Run the command node; the entry point of ``ros2 run fomrc_ros gap_command``."""
+    return run(GapCommand, arguments)
+
+
+def monitor_main(arguments: list[str] | None = None) -> int:
+    """Run the monitor node; the entry point of ``ros2 run fomrc_ros gap_monitor``."""
+    return run(GapMonitor, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(monitor_main() if "--monitor" in sys.argv else command_main())

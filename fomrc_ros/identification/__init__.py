@@ -1,0 +1,13 @@
+"""The node that identifies, diagnoses and calibrates a stage, in a process of its own.
+
+The work is that of ``fomrc_core``; here is how it is asked for and reported.
+"""
+
+__all__ = [
+    "calibration",
+    "fit_work",
+    "node",
+    "parameters",
+    "stage_drive",
+    "worker_process",
+]

@@ -1,0 +1,162 @@
+"""What the identification node has done in a process of its own: fit and diagnosis of recordings in files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fomrc_core.errors import InputError
+from fomrc_core.records.recording import Recording
+
+Tell = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class RecordingFiles:
+    """Recordings to work on.
+
+    Args:
+        paths: files, one or more.
+        test_path: a file the result is tried on, "" for none.
+        columns: which column is what, for files without a header: "" or e.g. "voltage=0,displacement=4".
+        rate_hz: sampling rate of files without a time column [Hz], 0 where they have one.
+        topics: which topic of a rosbag2 folder is what: "" or e.g. "voltage=/axis1/voltage".
+    """
+
+    paths: tuple[str, ...]
+    test_path: str = ""
+    columns: str = ""
+    rate_hz: float = 0.0
+    topics: str = ""
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """A fit to make.
+
+    Args:
+        recordings: files, or the recordings themselves.
+        n_elements: number of elements, 0 for as many as the data support.
+        method: convex or paper.
+        output_path: model file to write.
+    """
+
+    recordings: RecordingFiles | tuple[Recording, ...]
+    n_elements: int
+    method: str
+    output_path: str
+
+
+@dataclass(frozen=True)
+class FitAnswer:
+    """What came of a fit: the model file's text and how good the fit is."""
+
+    model_text: str
+    model_mapping: dict[str, Any]
+    nrmse_percent: float
+    rms_um: float
+    outcome: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class DiagnosisRequest:
+    """A diagnosis to make.
+
+    Args:
+        recordings: files.
+        model_path: model to begin with, "" to fit one first.
+        output_folder: where diagnosis.json, extended_model.yaml and report.html go.
+    """
+
+    recordings: RecordingFiles
+    model_path: str
+    output_folder: str
+
+
+def columns_of(text: str) -> dict[str, int | None]:
+    """Return column numbers by quantity from e.g. ``time=none,voltage=0,displacement=4``.
+
+    Raises:
+        InputError: an entry that is not ``quantity=number`` or ``quantity=none``.
+    """
+    columns: dict[str, int | None] = {}
+    for entry in text.split(","):
+        quantity, _, number = (part.strip() for part in entry.partition("="))
+        if not quantity or not (number == "none" or number.isdigit()):
+            raise InputError("not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0")
+        columns[quantity] = None if number == "none" else int(number)
+    return columns
+
+
+def topics_of(text: str) -> dict[str, str]:
+    """Return topics by quantity from e.g. ``voltage=/axis1/voltage,displacement=/axis1/displacement``.
+
+    Raises:
+        InputError: an entry that is not ``quantity=topic``.
+    """
+    topics = {}
+    for entry in text.split(","):
+        quantity, _, topic = (part.strip() for part in entry.partition("="))
+        if not quantity or not topic:
+            raise InputError("not a topic", where="topics", value=entry, allowed="quantity=topic")
+        topics[quantity] = topic
+    return topics
+
+
+def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None]:
+    """Return the recordings, and the one to test on where there is one."""
+    from fomrc_core.storage import read_recording
+
+    options: dict[str, Any] = {}
+    if files.columns:
+        options["columns"] = columns_of(files.columns)
+    if files.rate_hz > 0.0:
+        options["rate_hz"] = files.rate_hz
+    if files.topics:
+        options["topics"] = topics_of(files.topics)
+    recordings = [read_recording(Path(path), **options) for path in files.paths]
+    test = read_recording(Path(files.test_path), **options) if files.test_path else None
+    return recordings, test
+
+
+def fit(request: FitRequest, tell: Tell) -> FitAnswer:
+    """Fit the recordings, write the model file and return what came of it."""
+    from fomrc_core.identification.convex import identify
+    from fomrc_core.storage import write_model
+
+    if isinstance(request.recordings, RecordingFiles):
+        tell(0.0, "reading")
+        recordings, test = read_files(request.recordings)
+    else:
+        recordings, test = list(request.recordings), None
+    found = identify(
+        recordings, n_elements=request.n_elements or "auto", method=request.method, test=test, progress=tell
+    )
+    path = Path(request.output_path)
+    write_model(found.model, path, found.rms_um)
+    return FitAnswer(
+        path.read_text(encoding="utf-8"),
+        found.model.to_mapping(),
+        float(found.nrmse_percent),
+        float(found.rms_um),
+        str(getattr(found.outcome, "value", found.outcome)),
+        str(found.reason),
+    )
+
+
+def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
+    """Diagnose the recordings, write report and extended model, and return the summary in one line."""
+    from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
+    from fomrc_core.report.diagnosis_files import write_report
+    from fomrc_core.storage import make_directory, read_model
+
+    folder = make_directory(Path(request.output_folder), where="output_folder")
+    tell(0.0, "reading")
+    recordings, test = read_files(request.recordings)
+    model = read_model(Path(request.model_path)) if request.model_path else None
+    found = find_causes(recordings, test=test, model=model, progress=tell)
+    write_report(found, folder)
+    return " ".join(str(found.summary()).split())

@@ -1,0 +1,14 @@
+"""What every node of the package shares: parameters and their files, runtime, diagnostics, quality of service.
+
+Nothing here knows which node it is part of.
+"""
+
+__all__ = [
+    "diagnostics",
+    "lifecycle_log",
+    "model_parameters",
+    "parameter_files",
+    "parameters",
+    "quality_of_service",
+    "runtime",
+]

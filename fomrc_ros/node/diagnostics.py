@@ -1,0 +1,73 @@
+"""/diagnostics at 1 Hz: what a node does, how well its loop keeps time, and what to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from fomrc_ros.node.runtime import steady_clock
+
+OK, WARN, ERROR, STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
+PERIOD_S = 1.0
+
+
+@dataclass
+class Report:
+    """One status: level, summary and values."""
+
+    level: bytes = OK
+    message: str = "ok"
+    values: dict[str, object] = field(default_factory=dict)
+
+    def worsen(self, level: bytes, message: str) -> None:
+        """Raise the level; the message of the worst finding wins, equals are joined."""
+        if level > self.level:
+            self.level, self.message = level, message
+        elif level == self.level and level != OK:
+            self.message += f"; {message}"
+
+
+class DiagnosticsPublisher:
+    """Publish a node's report once a second.
+
+    Args:
+        node: the node.
+        hardware_id: what the node drives.
+        describe: makes the report, called once a second.
+    """
+
+    def __init__(self, node: Node, hardware_id: str, describe: Callable[[], Report]) -> None:
+        self._node, self._hardware_id, self._describe = node, hardware_id, describe
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_timer(PERIOD_S, self.publish, clock=steady_clock())
+
+    def publish(self) -> None:
+        """Publish the report now."""
+        report = self._describe()
+        status = DiagnosticStatus(
+            level=report.level,
+            name=self._node.get_fully_qualified_name().lstrip("/"),
+            message=report.message[:500],
+            hardware_id=self._hardware_id,
+            values=[KeyValue(key=key, value=shown(value)) for key, value in report.values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def shown(value: object) -> str:
+    """Return a value as diagnostics text."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}={shown(entry)}" for key, entry in value.items())
+    return str(value)[:1000]

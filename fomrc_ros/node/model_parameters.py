@@ -1,0 +1,112 @@
+"""The model's parameters, under ``model.`` as in a model file: a model file is a parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fomrc_core.effects import effect_classes
+from fomrc_core.errors import ParameterError
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_ros.node.parameters import Kind, ParameterSpec
+
+PREFIX = "model."
+_PLAIN = ("kappa_um_per_v", "saturation_v", "creep_order")
+
+MODEL_SPECS = (
+    ParameterSpec(
+        "model.kappa_um_per_v",
+        None,
+        "Maxwell gains kappa, one more than saturation_v",
+        kind=Kind.DOUBLE_ARRAY,
+        unit="um s^-alpha / V",
+    ),
+    ParameterSpec(
+        "model.saturation_v",
+        None,
+        "saturation voltages of the Maxwell elements",
+        kind=Kind.DOUBLE_ARRAY,
+        unit="V",
+    ),
+    ParameterSpec("model.creep_order", 0.0, "creep order alpha", minimum=0.0, maximum=1.0, unit="1"),
+    ParameterSpec("model.effects", [], "names of the effects beside hysteresis and creep", kind=Kind.STRING_ARRAY),
+    ParameterSpec(
+        "model.fit_rms_um",
+        0.0,
+        "error of the fit the model came from, shown in /diagnostics; 0 where not known",
+        unit="um",
+        minimum=0.0,
+    ),
+)
+
+
+def effect_spec(name: str) -> ParameterSpec | None:
+    """Return the specification of ``model.<effect>.<parameter>``, None where there is no such parameter."""
+    if not name.startswith(PREFIX):
+        return None
+    effect_name, _, parameter_name = name[len(PREFIX) :].partition(".")
+    kind = effect_classes().get(effect_name)
+    if kind is None:
+        return None
+    for parameter in kind.parameters:
+        if parameter.name != parameter_name:
+            continue
+        if parameter.is_list:
+            return ParameterSpec(
+                name, None, parameter.description or kind.meaning, kind=Kind.DOUBLE_ARRAY, unit=parameter.unit
+            )
+        return ParameterSpec(
+            name,
+            None,
+            parameter.description or kind.meaning,
+            kind=Kind.DOUBLE,
+            unit=parameter.unit,
+            minimum=parameter.lower,
+            maximum=parameter.upper,
+        )
+    return None
+
+
+def parameters_of_effects(values: Mapping[str, Any]) -> list[str]:
+    """Return the full names of all parameters of the effects the values name; unknown effects are left out."""
+    kinds = effect_classes()
+    return [
+        f"{PREFIX}{effect_name}.{parameter.name}"
+        for effect_name in values.get("model.effects") or ()
+        if effect_name in kinds
+        for parameter in kinds[effect_name].parameters
+    ]
+
+
+def model_from_values(values: Mapping[str, Any]) -> PiezoModel | None:
+    """Return the model these parameter values describe, None where no model has been given.
+
+    Raises:
+        ParameterError: values that make no model.
+    """
+    kappa, saturation = values.get("model.kappa_um_per_v"), values.get("model.saturation_v")
+    if not kappa and not saturation:
+        return None
+    mapping: dict[str, Any] = {name: values[PREFIX + name] for name in _PLAIN if PREFIX + name in values}
+    effects = list(values.get("model.effects") or [])
+    if len(set(effects)) != len(effects):
+        raise ParameterError(
+            "an effect is named twice", where="model.effects", value=effects, allowed="each effect once"
+        )
+    if effects:
+        mapping["effects"] = effects
+    for effect_name in effects:
+        start = f"{PREFIX}{effect_name}."
+        mapping[effect_name] = {name[len(start) :]: value for name, value in values.items() if name.startswith(start)}
+    return PiezoModel.from_mapping(mapping, where="model")
+
+
+def values_from_model(model: PiezoModel) -> dict[str, Any]:
+    """Return the parameter values that describe a model, the inverse of ``model_from_values``."""
+    values: dict[str, Any] = {"model.effects": []}
+    for name, value in model.to_mapping().items():
+        if isinstance(value, Mapping):
+            values.update({f"{PREFIX}{name}.{key}": entry for key, entry in value.items()})
+        else:
+            values[PREFIX + name] = value
+    return values

@@ -1,0 +1,126 @@
+"""Which of several candidates is taken: held-out data first, but not against what the training data surely say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis import decision, search
+from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.mechanical_resonance import MechanicalResonance
+from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.excitation import triangle
+from fomrc_core.records.recording import Recording
+
+_BEFORE_UM = 0.016
+
+
+@pytest.fixture(scope="module")
+def split() -> DataSplit:
+    drive = triangle(1.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=500.0)
+    noise_um = np.random.default_rng(1).normal(0.0, 1e-3, drive.voltage_v.size)
+    record = Recording(drive.time_s, drive.voltage_v, 2.0 * drive.voltage_v + noise_um)
+    return split_data((record,), None, None, 1e-3)
+
+
+def _contender(split: DataSplit, cause: str, train_gain: float, held_gain: float, n_free: int = 1) -> Candidate:
+    """Return a candidate that leaves white noise of the size its training gain says."""
+    size_um = _BEFORE_UM * math.exp(-0.5 * train_gain)
+    n = split.train[0].time_s.size
+    left = np.random.default_rng(2).normal(0.0, size_um, n)
+    chain = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+    squared_error = float(np.sum(left[split.train[0].is_used] ** 2))
+    fitted = Refit(chain, squared_error, (), (np.zeros((n, 0)),), (left,), True)
+    rms_um = _BEFORE_UM * math.exp(-0.5 * held_gain)
+    score = HeldOutScore(held_gain, 0.0, 1e-20, _BEFORE_UM, rms_um)
+    return Candidate(cause, fitted, score, train_gain, (), n_free)
+
+
+def _named(split: DataSplit, first: Candidate, *others: Candidate) -> str:
+    return decision.likelier(first, [first, *others], split, 18).cause
+
+
+def test_after_a_poor_drive_what_reaches_the_noise_in_training_is_taken(split: DataSplit) -> None:
+    delay = _contender(split, "transport_delay", 4.27, 4.99)
+    assert _named(split, delay, _contender(split, "amplifier_bandwidth", 5.58, 4.08)) == "amplifier_bandwidth"
+    # a gain in training smaller than the loss held out is none
+    assert _named(split, delay, _contender(split, "amplifier_bandwidth", 4.8, 4.08)) == "transport_delay"
+
+
+def test_blocks_of_its_own_record_are_an_easier_test_than_another_record(split: DataSplit) -> None:
+    drift = _contender(split, "thermal_drift", 0.36, 0.82)
+    relaxation = _contender(split, "slow_relaxation", 0.65, 0.11)
+    assert _named(split, replace(drift, is_bound=True), relaxation) == "slow_relaxation"
+    assert _named(split, drift, relaxation) == "thermal_drift"
+
+
+def test_more_parameters_are_no_likelier_cause(split: DataSplit) -> None:
+    lag = _contender(split, "amplifier_bandwidth", 4.0, 4.0)
+    assert _named(split, lag, _contender(split, "mechanical_resonance", 5.0, 4.0, n_free=2)) == "amplifier_bandwidth"
+    assert _named(split, lag, _contender(split, "asymmetric_hysteresis", 6.0, 4.0)) == "amplifier_bandwidth"
+
+
+def test_of_two_that_held_out_data_hardly_tell_apart_the_likelier_is_taken(split: DataSplit) -> None:
+    ringing = _contender(split, "mechanical_resonance", 6.80, 6.59, n_free=2)
+    assert _named(split, ringing, _contender(split, "transport_delay", 6.82, 6.53)) == "transport_delay"
+    # as likely as the first: nothing to choose by
+    assert _named(split, ringing, _contender(split, "transport_delay", 6.80, 6.53)) == "mechanical_resonance"
+
+
+def test_rivals_are_those_that_did_nearly_as_well(split: DataSplit) -> None:
+    first = _contender(split, "mechanical_resonance", 4.15, 2.77, n_free=2)
+    near = _contender(split, "transport_delay", 4.16, 2.76)
+    far = _contender(split, "amplifier_bandwidth", 2.99, 2.03)
+    assert [c.cause for c in decision.rivals_of(first, [first, near, far])] == ["transport_delay"]
+
+
+def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
+    first = _contender(split, "mechanical_resonance", 3.91, 3.20, n_free=2)
+    rival = _contender(split, "amplifier_bandwidth", 3.66, 3.19)
+    none_yet = first.fitted.chain.with_effect(MechanicalResonance(433.0, 0.68))
+    steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
+    both = none_yet.with_effect(AmplifierBandwidth(112.0))
+    plain = first.fitted.chain
+    poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
+
+    def better(beside: Candidate, settled: Refit) -> tuple[int, Candidate] | None:
+        monkeypatch.setattr(search, "_best_beside", lambda *_: beside)
+        monkeypatch.setattr(search, "fit_until_still", lambda *_: settled)
+        gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
+        monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
+        return search._better_rival(steps, both, poor, split, (), None)
+
+    delay = _contender(split, "transport_delay", 6.0, 6.0)
+    assert better(delay, replace(good, chain=plain)) == (0, rival)
+    assert better(delay, replace(poor, chain=plain)) is None
+    # the same two in another order: nothing gained
+    assert better(first, replace(good, chain=plain)) is None
+
+
+def test_what_a_repeated_loop_cannot_tell_is_not_accepted(split: DataSplit) -> None:
+    bent = _contender(split, "asymmetric_hysteresis", 2.7, 2.1)
+    assert decision.is_accepted(bent, 18)
+    assert not decision.is_accepted(replace(bent, is_distinguishable=False), 18)
+
+
+def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSplit) -> None:
+    record = split.train[0].recording
+    apart = split_data((record,), record, None, 1e-3)
+    chain = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), ()))
+    n = record.time_s.size
+    alike, far = (np.random.default_rng(4).normal(0.0, size_um, n) for size_um in (1e-3, 5e-3))
+    tied = [replace(_contender(split, c, 4.0, 4.0), held=(v,)) for c, v in (("dead_zone", alike), ("clock_skew", far))]
+    assert [c.cause for c in decision.still_tied(chain, tied, apart)] == ["dead_zone"]
+    # blocks of its own record are no other record
+    assert decision.still_tied(chain, tied, split) == tied

@@ -1,0 +1,109 @@
+"""The noise floor: from differences, from repeats, with hum and drift beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
+from fomrc_core.records.noise import autocorrelation_inflation, find_repeats, noise_floor
+from fomrc_core.records.recording import Recording
+
+RATE_HZ = 1000.0
+
+
+def repeated_drive(rng: np.random.Generator, n_periods: int = 5) -> np.ndarray:
+    spectrum = np.zeros(1001, dtype=complex)
+    spectrum[1:200] = np.exp(2j * np.pi * rng.random(199))
+    wave = np.fft.irfft(spectrum, 2000)
+    return np.concatenate((np.zeros(500), np.tile(wave / np.max(np.abs(wave)), n_periods), np.linspace(0.0, 1.0, 3000)))
+
+
+def record(drive: np.ndarray, noise: np.ndarray) -> Recording:
+    return Recording(np.arange(drive.size) / RATE_HZ, drive, 3.0 * drive + noise)
+
+
+@pytest.mark.parametrize("level_um", [3e-4, 1e-3, 1e-2])
+def test_white_noise_is_measured_both_ways(level_um: float) -> None:
+    rng = np.random.default_rng(0)
+    drive = repeated_drive(rng)
+    floor = noise_floor([record(drive, level_um * rng.standard_normal(drive.size))])
+    assert floor.differences_um == pytest.approx(level_um, rel=0.1)
+    assert floor.repeats_um == pytest.approx(level_um, rel=0.1)
+
+
+def test_repeats_see_slow_noise_that_differences_do_not() -> None:
+    rng = np.random.default_rng(1)
+    drive = repeated_drive(rng)
+    slow = np.empty(drive.size)
+    slow[0] = 0.0
+    for k in range(1, drive.size):
+        slow[k] = 0.8 * slow[k - 1] + 0.6e-3 * rng.standard_normal()
+    floor = noise_floor([record(drive, slow)])
+    assert floor.differences_um < 0.6e-3
+    assert floor.repeats_um == pytest.approx(1e-3, rel=0.15)
+    assert floor.floor_um == floor.repeats_um
+
+
+def test_hum_is_not_noise() -> None:
+    rng = np.random.default_rng(2)
+    drive = repeated_drive(rng)
+    t = np.arange(drive.size) / RATE_HZ
+    floor = noise_floor([record(drive, 1e-3 * rng.standard_normal(t.size) + 5e-3 * np.sin(2 * np.pi * 50.3 * t))])
+    assert floor.floor_um < 1.6e-3
+
+
+def test_repeats_are_found_where_they_are() -> None:
+    drive = repeated_drive(np.random.default_rng(3))
+    starts = [(start, period) for start, _, period in find_repeats(drive)]
+    assert any(period == 2000 and abs(start - 500) <= 2 for start, period in starts)
+
+
+def test_without_repeats_the_differences_serve() -> None:
+    rng = np.random.default_rng(4)
+    drive = np.cumsum(rng.standard_normal(4000)) * 1e-3
+    floor = noise_floor([record(drive, np.zeros(4000))])
+    assert np.isnan(floor.repeats_um)
+    assert floor.floor_um == floor.differences_um
+
+
+def test_inflation_of_white_noise_is_one_and_of_correlated_noise_is_its_sum() -> None:
+    rng = np.random.default_rng(5)
+    white = rng.standard_normal(50_000)
+    assert autocorrelation_inflation(white) == pytest.approx(1.0, abs=0.15)
+    red = np.empty(white.size)
+    red[0] = 0.0
+    for k in range(1, red.size):
+        red[k] = 0.9 * red[k - 1] + white[k]
+    assert autocorrelation_inflation(red) == pytest.approx(19.0, rel=0.25)
+
+
+def test_a_real_gain_is_worthwhile_and_none_is_not() -> None:
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal(20_000)
+    wave = np.sin(np.arange(20_000) / 50.0)
+    real = held_out_score([noise + wave], [noise])
+    assert real.is_worthwhile()
+    assert real.p_value < 1e-4
+    none = held_out_score([noise], [noise + 0.05 * wave])
+    assert not none.is_worthwhile()
+    assert none.p_value > 0.05
+
+
+def test_a_gain_at_a_few_moments_is_seen() -> None:
+    rng = np.random.default_rng(7)
+    noise = rng.standard_normal(20_000)
+    bump = np.zeros(20_000)
+    for start in range(500, 20_000, 1500):
+        bump[start : start + 8] = 6.0
+    score = held_out_score([noise + bump], [noise])
+    assert score.local_log_gain > 1.0
+    assert score.is_worthwhile()
+    assert score.p_value < 1e-3
+
+
+def test_equal_models_do_not_lose_to_each_other() -> None:
+    rng = np.random.default_rng(8)
+    noise = rng.standard_normal(20_000)
+    assert loses_to([noise], [noise + 1e-3 * rng.standard_normal(20_000)]) > 0.01
+    assert loses_to([noise], [noise + 0.5 * np.sin(np.arange(20_000) / 30.0)]) < 1e-6
