@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -22,10 +21,6 @@ from fomrc_core.cli.options import (
     worker_threads,
 )
 from fomrc_core.errors import ParameterError
-
-if TYPE_CHECKING:
-    from fomrc_core.identification.convex import Fit
-    from fomrc_core.identification.uncertainty import Uncertainty
 
 HeldOut = Annotated[Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")]
 
@@ -61,6 +56,7 @@ def identify(
     """
     from fomrc_core.identification.convex import identify as fit_to
     from fomrc_core.identification.uncertainty import estimate_uncertainty
+    from fomrc_core.report.fit_results import fit_results, uncertainty_lines, uncertainty_results
     from fomrc_core.storage import write_model, write_text
 
     n_elements = _element_count(elements)
@@ -92,60 +88,6 @@ def identify(
         say(f"{record.name}: taken to begin {start}")
 
 
-def uncertainty_lines(sure: Uncertainty) -> list[str]:
-    """Return how sure each parameter is, a line each, and what to measure to learn more."""
-    low, high = sure.creep_order_interval
-    lines = [f"creep order {sure.creep_order:.5g}, between {low:.5g} and {high:.5g} (95 %)"]
-    for element in sure.elements:
-        sureness = "" if element.is_determined else ", not determined by this data"
-        lines.append(
-            f"element {element.number}: "
-            f"kappa {element.kappa_um_per_v:.4g} um/V +- {100 * element.kappa_relative_error:.2g} %, "
-            f"saturation {element.saturation_v:.4g} V +- {100 * element.saturation_relative_error:.2g} %{sureness}"
-        )
-    return lines + list(sure.advice)
-
-
-def uncertainty_results(sure: Uncertainty) -> dict[str, Any]:
-    """Return the same as plain numbers and lists, None where there is no number."""
-    return {
-        "creep_order_interval": [_number(v) for v in sure.creep_order_interval],
-        "last_kappa_interval_um_per_v": [_number(v) for v in sure.last_kappa_interval_um_per_v],
-        "elements": [
-            {
-                "number": element.number,
-                "kappa_relative_error": _number(element.kappa_relative_error),
-                "saturation_relative_error": _number(element.saturation_relative_error),
-                "knee_v": _number(element.knee_v),
-                "is_determined": element.is_determined,
-            }
-            for element in sure.elements
-        ],
-        "advice": list(sure.advice),
-    }
-
-
-def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any]:
-    """Return a fit as plain numbers and lists, None where there is no number."""
-    return {
-        "records": record_names,
-        "method": method,
-        "outcome": fit.outcome.value,
-        "reason": fit.reason,
-        "rms_um": _number(fit.rms_um),
-        "nrmse_percent": _number(fit.nrmse_percent),
-        "noise_um": _number(fit.noise_um),
-        "test_nrmse_percent": _number(fit.test_nrmse_percent),
-        "offsets_um": [_number(offset) for offset in fit.offsets_um],
-        "starts": list(fit.starts),
-        "creep_order": fit.model.creep_order,
-        "creep_order_standard_error": _number(fit.creep_order_standard_error),
-        "relative_standard_errors": [_number(error) for error in fit.relative_standard_errors],
-        "undetermined_elements": list(fit.undetermined_elements),
-        "model": fit.model.to_mapping(),
-    }
-
-
 def diagnose(
     recordings: Recordings,
     output: OutputDirectory,
@@ -167,7 +109,7 @@ def diagnose(
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
     from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
-    from fomrc_core.identification.convex import check_usable
+    from fomrc_core.records.usability import check_usable
     from fomrc_core.report.diagnosis_files import write_report
     from fomrc_core.storage import make_directory, read_model
 
@@ -192,7 +134,3 @@ def _element_count(text: str) -> int | str:
         return int(text)
     except ValueError:
         raise ParameterError("no number", where="--elements", value=text, allowed="1 to 60, or auto") from None
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -3,8 +3,4 @@
 The others live in ``baselines``.
 """
 
-__all__ = [
-    "baselines",
-    "comparison",
-    "figure",
-]
+__all__ = ["comparison", "result"]

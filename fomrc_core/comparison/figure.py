@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
-    from fomrc_core.comparison.comparison import Comparison
+    from fomrc_core.comparison.result import Comparison
 
 _PLAIN, _AMPLIFIED, _OURS = "#9aa5b1", "#1f6f8b", "#d1495b"
 

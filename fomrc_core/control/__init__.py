@@ -3,13 +3,4 @@
 A node of any middleware can be built on it; it knows steps, targets and voltages only.
 """
 
-__all__ = [
-    "actuator_memory",
-    "checkpoint",
-    "compensation_loop",
-    "loop_timing",
-    "target_history",
-    "tick_grid",
-    "turning_points",
-    "voltage_limits",
-]
+__all__ = ["checkpoint", "compensation_loop", "loop_timing", "tick_grid", "voltage_limits"]

@@ -3,20 +3,4 @@
 ``diagnose`` is the way in.
 """
 
-__all__ = [
-    "candidate",
-    "data_split",
-    "decision",
-    "diagnosis",
-    "extended_model",
-    "findings",
-    "fit_starts",
-    "held_out_score",
-    "leverage",
-    "missing_elements",
-    "next_experiment",
-    "prehistory_search",
-    "record_effects",
-    "screening",
-    "search",
-]
+__all__ = ["diagnosis", "findings"]

@@ -37,11 +37,11 @@ from fomrc_core.fitting.base_fit import (
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
-from fomrc_core.identification.convex import check_usable
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.noise import NoiseFloor, noise_floor
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
+from fomrc_core.records.usability import check_usable
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]

@@ -12,7 +12,7 @@ from functools import cache
 from fomrc_core.effects.base.effect import Effect, Parameter, Place, Stage
 from fomrc_core.errors import ParameterError
 
-__all__ = ["Effect", "Parameter", "Place", "Stage", "effect_class", "effect_classes"]
+__all__ = ["Effect", "Parameter", "Place", "Stage", "base", "effect_class", "effect_classes"]
 
 
 @cache

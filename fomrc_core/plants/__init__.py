@@ -3,8 +3,4 @@
 They share no code and no form with the model that is fitted to them.
 """
 
-__all__ = [
-    "electromechanical",
-    "electromechanical_kernel",
-    "simulated_rig",
-]
+__all__ = ["electromechanical", "simulated_rig"]

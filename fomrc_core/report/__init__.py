@@ -3,9 +3,4 @@
 Nothing is computed here that a number elsewhere depends on.
 """
 
-__all__ = [
-    "diagnosis_figures",
-    "diagnosis_files",
-    "diagnosis_page",
-    "residual_views",
-]
+__all__ = ["diagnosis_files", "fit_results"]

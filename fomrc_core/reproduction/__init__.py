@@ -3,11 +3,4 @@
 ``reproduce`` is the way in; each claim of the paper is one entry with its bar.
 """
 
-__all__ = [
-    "claims",
-    "experiments",
-    "figures",
-    "identified_models",
-    "page",
-    "reproduction",
-]
+__all__ = ["reproduction", "result"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fomrc_core.reproduction.claims import Claim
-    from fomrc_core.reproduction.reproduction import Reproduction
+    from fomrc_core.reproduction.result import Reproduction
 
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}

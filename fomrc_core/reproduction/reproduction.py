@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -19,9 +19,6 @@ from matplotlib.figure import Figure
 from fomrc_core.plants.simulated_rig import SimulatedRig
 from fomrc_core.reproduction import experiments, figures
 from fomrc_core.reproduction.claims import (
-    OUR_SOURCE,
-    PAPER_SOURCE,
-    Claim,
     compensation_claims,
     drift_claims,
     start_claims,
@@ -31,36 +28,8 @@ from fomrc_core.reproduction.claims import (
 )
 from fomrc_core.reproduction.identified_models import Identified, StartStudy, identification_runs, start_study
 from fomrc_core.reproduction.page import page
+from fomrc_core.reproduction.result import Reproduction
 from fomrc_core.storage import make_directory
-
-
-@dataclass(frozen=True)
-class Reproduction:
-    """Everything reproduced.
-
-    Attributes:
-        claims: numbers, in the order of the paper.
-        figure_names: file names without ending, in the order of the paper.
-        duration_s: how long it took [s].
-    """
-
-    claims: tuple[Claim, ...]
-    figure_names: tuple[str, ...]
-    duration_s: float
-
-    def table(self) -> str:
-        """Return the claims as a Markdown table."""
-        lines = [
-            f"| where | what | {PAPER_SOURCE} | {OUR_SOURCE} | bar | met |",
-            "|---|---|---:|---:|---:|---|",
-        ]
-        for claim in self.claims:
-            met = {None: "", True: "yes", False: "NO"}[claim.is_met]
-            lines.append(
-                f"| {claim.where} | {claim.what} [{claim.unit}] | {_number(claim.paper)} "
-                f"| {_number(claim.value)} | {_number(claim.bar)} | {met} |"
-            )
-        return "\n".join(lines)
 
 
 def reproduce(
@@ -165,7 +134,3 @@ def _json(reproduction: Reproduction, found: Identified, study: StartStudy) -> s
         },
     }
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
-
-
-def _number(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.3g}"

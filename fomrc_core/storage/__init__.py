@@ -10,8 +10,11 @@ from fomrc_core.storage.model_files import model_to_parameters, read_model, writ
 from fomrc_core.storage.recordings import read_recording, read_target, write_columns, write_recording
 
 __all__ = [
+    "atomic",
     "make_directory",
+    "measured_examples",
     "model_to_parameters",
+    "plain_yaml",
     "read_model",
     "read_recording",
     "read_target",

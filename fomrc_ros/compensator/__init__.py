@@ -3,9 +3,4 @@
 The loop itself is ``fomrc_core.control``; here are its topics, parameters, services and diagnostics.
 """
 
-__all__ = [
-    "node",
-    "parameters",
-    "report",
-    "services",
-]
+__all__ = ["node"]

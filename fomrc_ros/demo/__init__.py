@@ -3,9 +3,4 @@
 The figures are judged by the paper's own measure.
 """
 
-__all__ = [
-    "demo",
-    "experiments",
-    "figures",
-    "node_processes",
-]
+__all__ = ["demo", "node_processes"]

@@ -3,7 +3,4 @@
 Geometry is apart from topics.
 """
 
-__all__ = [
-    "geometry",
-    "nodes",
-]
+__all__ = ["geometry", "nodes"]

@@ -3,11 +3,4 @@
 The work is that of ``fomrc_core``; here is how it is asked for and reported.
 """
 
-__all__ = [
-    "calibration",
-    "fit_work",
-    "node",
-    "parameters",
-    "stage_drive",
-    "worker_process",
-]
+__all__ = ["node"]

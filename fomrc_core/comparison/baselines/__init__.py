@@ -25,4 +25,14 @@ def all_rivals() -> tuple[Rival, ...]:
     )
 
 
-__all__ = ["FittedRival", "Rival", "TrainingRecord", "all_rivals", "training_error_um", "training_record"]
+__all__ = [
+    "FittedRival",
+    "Rival",
+    "TrainingRecord",
+    "all_rivals",
+    "amplified",
+    "fomrc",
+    "rival",
+    "training_error_um",
+    "training_record",
+]

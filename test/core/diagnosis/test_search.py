@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis import decision, search
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
-from fomrc_core.diagnosis import decision, search
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance

@@ -1,0 +1,68 @@
+"""An identification as plain numbers for programs, and how sure it is as lines for people."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fomrc_core.identification.convex import Fit
+    from fomrc_core.identification.uncertainty import Uncertainty
+
+
+def uncertainty_lines(sure: Uncertainty) -> list[str]:
+    """Return how sure each parameter is, a line each, and what to measure to learn more."""
+    low, high = sure.creep_order_interval
+    lines = [f"creep order {sure.creep_order:.5g}, between {low:.5g} and {high:.5g} (95 %)"]
+    for element in sure.elements:
+        sureness = "" if element.is_determined else ", not determined by this data"
+        lines.append(
+            f"element {element.number}: "
+            f"kappa {element.kappa_um_per_v:.4g} um/V +- {100 * element.kappa_relative_error:.2g} %, "
+            f"saturation {element.saturation_v:.4g} V +- {100 * element.saturation_relative_error:.2g} %{sureness}"
+        )
+    return lines + list(sure.advice)
+
+
+def uncertainty_results(sure: Uncertainty) -> dict[str, Any]:
+    """Return the same as plain numbers and lists, None where there is no number."""
+    return {
+        "creep_order_interval": [_number(v) for v in sure.creep_order_interval],
+        "last_kappa_interval_um_per_v": [_number(v) for v in sure.last_kappa_interval_um_per_v],
+        "elements": [
+            {
+                "number": element.number,
+                "kappa_relative_error": _number(element.kappa_relative_error),
+                "saturation_relative_error": _number(element.saturation_relative_error),
+                "knee_v": _number(element.knee_v),
+                "is_determined": element.is_determined,
+            }
+            for element in sure.elements
+        ],
+        "advice": list(sure.advice),
+    }
+
+
+def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any]:
+    """Return a fit as plain numbers and lists, None where there is no number."""
+    return {
+        "records": record_names,
+        "method": method,
+        "outcome": fit.outcome.value,
+        "reason": fit.reason,
+        "rms_um": _number(fit.rms_um),
+        "nrmse_percent": _number(fit.nrmse_percent),
+        "noise_um": _number(fit.noise_um),
+        "test_nrmse_percent": _number(fit.test_nrmse_percent),
+        "offsets_um": [_number(offset) for offset in fit.offsets_um],
+        "starts": list(fit.starts),
+        "creep_order": fit.model.creep_order,
+        "creep_order_standard_error": _number(fit.creep_order_standard_error),
+        "relative_standard_errors": [_number(error) for error in fit.relative_standard_errors],
+        "undetermined_elements": list(fit.undetermined_elements),
+        "model": fit.model.to_mapping(),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
