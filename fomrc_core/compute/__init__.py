@@ -4,6 +4,8 @@ Nothing here knows what the numbers mean.
 """
 
 __all__ = [
+    "arrays",
     "blas_threads",
     "compiled",
+    "least_squares",
 ]

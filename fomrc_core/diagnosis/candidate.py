@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_blocks, held_residuals, learned_blocks
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined
@@ -19,6 +19,7 @@ from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.fitting.base_fit import Tangent, rebased, squared_error
 from fomrc_core.fitting.joint_fit import Refit, free_parameters, refit
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import autocorrelation_inflation
 
 Array = NDArray[np.float64]
@@ -210,7 +211,7 @@ def _held_pair(
     indices = [
         i for i, own in enumerate(fitted.chain.record_effects[: len(split.train)]) if any(e.name == cause for e in own)
     ]
-    learned = tuple(r.using(r.is_used & learned_blocks(r)) for r in split.train)
+    learned = tuple(r.using(r.is_used & learned_blocks(r.time_s.size)) for r in split.train)
     blocked = refit(fitted.chain, learned, n_iterations=4)
     base = refit(chain, learned, n_iterations=2)
     scored = _scored(split, indices, learned, (base.chain, blocked.chain))
@@ -221,7 +222,7 @@ def _scored(
     split: DataSplit, indices: list[int], learned: tuple[FitRecord, ...], chains: tuple[TrialModel, ...]
 ) -> tuple[HeldOut, ...]:
     """Return the held-out blocks of these records, without what the learned ones leave open in either model."""
-    blocks = tuple(held_blocks(r) for r in split.train)
+    blocks = tuple(held_out_blocks(r.time_s.size) for r in split.train)
     masks = [np.all(both, axis=0) for both in zip(*(determined(c, learned, blocks) for c in chains), strict=True)]
     used = [
         masks[i] if np.count_nonzero(masks[i]) >= _LEAST_SCORED * np.count_nonzero(blocks[i]) else blocks[i]

@@ -8,18 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.effects import Effect
-from fomrc_core.effects.base.evidence import MANY_LOOPS, n_loop_kinds
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.fitting.base_fit import centred
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.records.drive import (
+    MANY_LOOPS,
+    begins_at_zero,
+    held_out_blocks,
+    is_settled,
+    learned_blocks,
+    n_loop_kinds,
+)
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
 Array = NDArray[np.float64]
-
-_N_BLOCKS = 20
-_GAP_SHARE = 0.1  # of a block, on either side
-_UNSURE_START_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +80,8 @@ def split_data(
     train = tuple(FitRecord.of(r) for r in recordings)
     held: tuple[HeldOut, ...]
     if test is None:
-        held = tuple(HeldOut(r.using(held_blocks(r)), i) for i, r in enumerate(train))
-        train = tuple(r.using(learned_blocks(r)) for r in train)
+        held = tuple(HeldOut(r.using(held_out_blocks(r.time_s.size)), i) for i, r in enumerate(train))
+        train = tuple(r.using(learned_blocks(r.time_s.size)) for r in train)
     else:
         held = (HeldOut(_scored(FitRecord.of(test)), len(train)),)
     quoted = held if report is None else (HeldOut(_scored(FitRecord.of(report)), len(train) + 1),)
@@ -86,30 +89,7 @@ def split_data(
 
 
 def _scored(record: FitRecord) -> FitRecord:
-    if not starts_unsure(record):
-        return record
-    return record.using(record.time_s >= _UNSURE_START_SHARE * record.time_s[-1])
-
-
-def starts_unsure(record: FitRecord) -> bool:
-    """Return whether the record's first voltage is not zero, so that it may begin relaxed or at rest."""
-    return abs(float(record.voltage_v[0])) > 0.01 * float(np.ptp(record.voltage_v))
-
-
-def _position(record: FitRecord) -> tuple[NDArray[np.int64], Array]:
-    share = np.arange(record.time_s.size) * _N_BLOCKS / record.time_s.size
-    return share.astype(np.int64), share - np.floor(share)
-
-
-def held_blocks(record: FitRecord) -> NDArray[np.bool_]:
-    """Return the samples of every third block of a record, its edges left out."""
-    block, inside = _position(record)
-    return np.asarray((block % 3 == 1) & (inside >= _GAP_SHARE) & (inside < 1.0 - _GAP_SHARE))
-
-
-def learned_blocks(record: FitRecord) -> NDArray[np.bool_]:
-    """Return the samples of the other blocks."""
-    return np.asarray(_position(record)[0] % 3 != 1)
+    return record.using(is_settled(record.time_s, record.voltage_v))
 
 
 def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
@@ -121,7 +101,7 @@ def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     found = []
     for part in held:
         options = [chain]
-        if starts_unsure(part.record) and part.index < len(chain.record_effects):
+        if not begins_at_zero(part.record.voltage_v) and part.index < len(chain.record_effects):
             own = chain.record_effects[part.index]
             if not any(isinstance(e, InitialState) and e.free_names() for e in own):
                 others = tuple(e for e in own if not isinstance(e, InitialState))

@@ -29,7 +29,6 @@ from fomrc_core.fitting.base_fit import (
     centred,
     choose_starts,
     fit_base,
-    longest_sweep,
     rebased,
     residuals,
     threshold_grid,
@@ -38,6 +37,7 @@ from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.drive import longest_sweep
 from fomrc_core.records.noise import NoiseFloor, noise_floor
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
@@ -189,7 +189,7 @@ def diagnose(
 def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
     columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
     chain, _, _ = fit_base(split.train, columns, choose_starts(split.train))
-    n_grid = min(max(longest_sweep(split.train), n_thresholds), N_GRID)
+    n_grid = min(max(longest_sweep([r.voltage_v for r in split.train]), n_thresholds), N_GRID)
     extra = tuple(() for _ in range(split.n_records - len(split.train)))
     chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(split.train, n_grid))
     return refit(rebased(chain, split.train), split.train, n_iterations=3).chain

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import product, signed_weights
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.effects import Effect
 from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import centred, product, record_columns
+from fomrc_core.fitting.base_fit import centred, record_columns
 from fomrc_core.fitting.trial_model import TrialModel, predict
-from fomrc_core.identification.element_count import signed_weights
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 

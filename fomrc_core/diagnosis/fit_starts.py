@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.data_split import DataSplit, starts_unsure, with_own
+from fomrc_core.diagnosis.data_split import DataSplit, with_own
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.screening import Screened, family_columns
 from fomrc_core.effects import Effect
@@ -16,6 +16,7 @@ from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.fitting.base_fit import Tangent, residuals, squared_error, tangent
 from fomrc_core.fitting.joint_fit import FreeParameter, scan
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.drive import begins_at_zero
 
 Array = NDArray[np.float64]
 
@@ -139,7 +140,7 @@ def sized(trial: Screened) -> Effect:
 
 def start_variants(chain: TrialModel, split: DataSplit, space: Tangent) -> list[tuple[TrialModel, Tangent]]:
     """Return the chain, and the chain with the other assumption on how records of unsure start begin."""
-    unsure = [i for i, r in enumerate(split.train) if starts_unsure(r)]
+    unsure = [i for i, r in enumerate(split.train) if not begins_at_zero(r.voltage_v)]
     flipped = chain
     for i in unsure:
         own = flipped.record_effects[i]

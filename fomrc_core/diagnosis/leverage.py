@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.fitting.base_fit import product, tangent
+from fomrc_core.compute.least_squares import product
+from fomrc_core.fitting.base_fit import tangent
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel
 
 _LARGEST = 10.0  # times its mean over the learned samples, number of columns over number of samples

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fomrc_core.diagnosis.data_split import DataSplit, learned_blocks
+from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.screening import screen
@@ -15,6 +15,7 @@ from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.fitting.base_fit import Tangent, residuals, squared_error, tangent
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, free_parameters, refit
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.records.drive import learned_blocks
 
 _MAX_TRIALS = 12
 _MAX_STARTS = 3
@@ -36,7 +37,7 @@ def follow_held(chain: TrialModel, split: DataSplit) -> TrialModel:
     for part in {h.index: h for h in (*split.held, *split.report)}.values():
         if part.index < len(split.train):
             continue
-        one = part.record.using(part.record.is_used & learned_blocks(part.record))
+        one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
         chain = fit_one_record(chain, one, part.index, kinds)
     return chain
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import whitening_of
 from fomrc_core.effects import Effect, Stage, effect_classes
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.missing_hysteresis import MissingHysteresis
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import Tangent, centred, record_columns, squared_error, tangent, whitening_of
+from fomrc_core.fitting.base_fit import Tangent, centred, record_columns, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
 

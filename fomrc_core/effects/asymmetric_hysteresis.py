@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
-from fomrc_core.effects.base.evidence import MANY_LOOPS, Evidence
+from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
+from fomrc_core.records.drive import MANY_LOOPS
 
 _THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
 _KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)

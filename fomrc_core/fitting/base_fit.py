@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import product, signed_weights, whitening_of
 from fomrc_core.effects import Stage
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.gain_drift import GainDrift
@@ -15,14 +16,13 @@ from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.errors import RecordingError
 from fomrc_core.fitting.play_columns import ColumnKinds, creep_columns
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, fit_modes, predict
-from fomrc_core.identification.element_count import signed_weights
 from fomrc_core.model.substeps import parts_of_steps, subdivide
+from fomrc_core.records.drive import begins_at_zero
 
 Array = NDArray[np.float64]
 
 FIRST_ORDER_GUESS = 0.02
 _ORDER_STEP = 1e-4
-_RANK_TOLERANCE = 1e-13
 _MIN_ORDER, _MAX_ORDER = 0.0, 0.6
 _N_PARTS = 4
 
@@ -61,27 +61,6 @@ def threshold_grid(records: tuple[FitRecord, ...], n_thresholds: int) -> Array:
     # A play moves on a first rise up to the reach; once the drive has turned, up to half the span.
     top = max(reach, 0.5 * span)
     return np.asarray(top * (np.arange(n_thresholds + 1) / n_thresholds) ** 1.6)[:-1]
-
-
-def longest_sweep(records: tuple[FitRecord, ...]) -> int:
-    """Return the number of samples in which the drive moves in the longest sweep one way.
-
-    Thresholds closer together than its samples cannot be told apart.
-    """
-    longest = 0
-    for record in records:
-        moves = np.diff(record.voltage_v)
-        ways = np.sign(moves[moves != 0.0])
-        turns = np.flatnonzero(np.diff(ways)) + 1
-        longest = max(longest, int(np.max(np.diff(np.concatenate(([0], turns, [ways.size]))))))
-    return longest
-
-
-def product(columns: Array, signals: Array, is_used: NDArray[np.bool_]) -> Array:
-    """Return columns^T signals over the used samples."""
-    # zeroing the one signal costs nothing beside copying the used rows of all columns
-    masked = signals if np.all(is_used) else np.where(is_used if signals.ndim == 1 else is_used[:, None], signals, 0.0)
-    return np.asarray(columns.T @ masked)
 
 
 def centred(values: Array, is_used: NDArray[np.bool_]) -> Array:
@@ -166,16 +145,6 @@ def tangent(chain: TrialModel, records: tuple[FitRecord, ...]) -> Tangent:
         gram += used.T @ used
         parts.append(columns)
     return Tangent(tuple(parts), whitening_of(gram))
-
-
-def whitening_of(gram: Array) -> Array:
-    """Return W with W W^T the pseudo-inverse of the Gram matrix, directions below rounding left out."""
-    power = np.diag(gram)
-    # a column that does not move (a knee the drive never reaches) takes no part
-    scale = np.where(power > 1e-20 * np.max(power), 1.0 / np.sqrt(np.maximum(power, 1e-300)), 0.0)
-    values, vectors = np.linalg.eigh(gram * scale[:, None] * scale[None, :])
-    kept = values > _RANK_TOLERANCE * values[-1]
-    return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
 
 
 def moved(chain: TrialModel, change: Array) -> TrialModel:
@@ -270,8 +239,7 @@ def choose_starts(records: tuple[FitRecord, ...]) -> tuple[tuple[InitialState, .
     """
     starts: list[tuple[InitialState, ...]] = []
     for record in records:
-        first = abs(float(record.voltage_v[0]))
-        if first <= 0.01 * float(np.ptp(record.voltage_v)):
+        if begins_at_zero(record.voltage_v):
             starts.append(())
             continue
         one = (record,)

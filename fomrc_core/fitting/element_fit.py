@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import normal_equations
 from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.fitting.base_fit import centred
 from fomrc_core.fitting.play_columns import THRESHOLD_SLOPE, ColumnKinds, creep_columns
@@ -87,12 +88,11 @@ def polish(
     damping, is_converged, iteration = 1e-3, False, 0
     hessian = np.eye(x.size)
     for iteration in range(1, n_iterations + 1):  # noqa: B007 - the count is part of the result
-        hessian = np.zeros((x.size, x.size))
-        gradient = np.zeros(x.size)
-        for record, start, residual in zip(records, starts, left, strict=True):
-            jacobian = centred(_jacobian(x, n, record, start), record.is_used)[record.is_used]
-            hessian += jacobian.T @ jacobian
-            gradient += jacobian.T @ residual[record.is_used]
+        equations = normal_equations(
+            (centred(_jacobian(x, n, record, start), record.is_used), residual, record.is_used)
+            for record, start, residual in zip(records, starts, left, strict=True)
+        )
+        hessian, gradient = equations.gram, equations.moment
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-12 * float(np.max(np.diag(hessian)))))
         is_better = False
         while damping < 1e8:

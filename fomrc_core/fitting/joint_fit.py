@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import normal_equations, product
 from fomrc_core.effects import Effect, Parameter
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import Tangent, centred, moved, product, rebased, residuals, squared_error, tangent
+from fomrc_core.fitting.base_fit import Tangent, centred, moved, rebased, residuals, squared_error, tangent
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
 
 Array = NDArray[np.float64]
@@ -203,11 +204,10 @@ def refit(
         raw = _directions(chain, free, coordinates, records, base, executor)
         projected = _removed(space, records, raw)
         clear = space.remove(records, left)
-        hessian = sum(product(d, d, r.is_used) for d, r in zip(projected, records, strict=True))
-        gradient = sum(product(d, s, r.is_used) for d, r, s in zip(projected, records, clear, strict=True))
+        equations = normal_equations((d, s, r.is_used) for d, s, r in zip(projected, clear, records, strict=True))
         is_better = False
         while damping < _LARGEST_DAMPING:
-            step = _damped_step(np.asarray(hessian), np.asarray(gradient), damping) if free else np.zeros(0)
+            step = _damped_step(equations.gram, equations.moment, damping) if free else np.zeros(0)
             step = np.where(is_log, np.clip(step, -_LONGEST_LOG_STEP, _LONGEST_LOG_STEP), step)
             rest = tuple(s - d @ step for s, d in zip(left, raw, strict=True))
             change = space.solve(records, rest)

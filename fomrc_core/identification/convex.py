@@ -15,14 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.compute.least_squares import non_negative_weights, normal_equations
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import centred, choose_starts, fit_base, record_columns, threshold_grid
 from fomrc_core.fitting.element_fit import Polished, Starts, play_form_response, polish
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import FitRecord, TrialModel
-from fomrc_core.identification.element_count import merged, non_negative_weights, split
+from fomrc_core.identification.element_count import merged, split
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
+from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import noise_floor
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
@@ -142,13 +144,11 @@ def _dense_form(records: tuple[FitRecord, ...], starts: Starts) -> tuple[Operato
 
 def non_negative_form(chain: TrialModel, records: tuple[FitRecord, ...]) -> OperatorSum:
     """Return the play form with non-negative weights on the chain's thresholds that fits the records best."""
-    n = chain.weights.size
-    gram, moment = np.zeros((n, n)), np.zeros(n)
-    for index, record in enumerate(records):
-        c = centred(record_columns(chain, record, index), record.is_used)[record.is_used]
-        gram += c.T @ c
-        moment += c.T @ centred(record.measured_um, record.is_used)[record.is_used]
-    weights = non_negative_weights(gram, moment)
+    equations = normal_equations(
+        (centred(record_columns(chain, r, i), r.is_used), centred(r.measured_um, r.is_used), r.is_used)
+        for i, r in enumerate(records)
+    )
+    weights = non_negative_weights(equations.gram, equations.moment)
     thresholds = chain.columns.thresholds_v
     slope = float(np.sum(weights[thresholds == 0.0]))
     if not slope > 0.0:
@@ -180,8 +180,8 @@ def _choose_count(
         learned, held = records, (FitRecord.of(test),)
         held_starts = choose_starts(held)
     else:
-        learned = tuple(r.using(~_held_blocks(r.time_s.size)) for r in records)
-        held, held_starts = tuple(r.using(_held_blocks(r.time_s.size)) for r in records), starts
+        learned = tuple(r.using(learned_blocks(r.time_s.size)) for r in records)
+        held, held_starts = tuple(r.using(held_out_blocks(r.time_s.size)) for r in records), starts
     scored: list[tuple[float, Polished]] = []
     counts = [c for c in AUTO_COUNTS if c <= max(2, int(np.count_nonzero(dense.weights)))]
     for number, count in enumerate(counts):
@@ -195,11 +195,6 @@ def _choose_count(
     least = min(score for score, _ in scored)
     chosen = next(found for score, found in scored if score <= (1.0 + _WORTH_ADDING) * least)
     return chosen if test is not None else _polished(dense, order, chosen.form.thresholds.size, records, starts)
-
-
-def _held_blocks(n_samples: int) -> NDArray[np.bool_]:
-    # ten blocks, every third held out
-    return np.asarray((np.arange(n_samples) * 10 // n_samples) % 3 == 1)
 
 
 def _result(

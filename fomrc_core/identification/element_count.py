@@ -1,42 +1,10 @@
-"""From weights on a grid of thresholds to the Maxwell elements of a model: non-negative, few, in the right place."""
+"""From weights on a grid of thresholds to the Maxwell elements of a model: few, in the right place."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from fomrc_core.operators.hysteresis import OperatorSum
-
-Array = NDArray[np.float64]
-
-
-def non_negative_weights(gram: Array, moment: Array) -> Array:
-    """Return the non-negative weights that fit best, from the Gram matrix and the moments, shape (n_columns,).
-
-    Convex: no start values, no local minima.
-    """
-    power = np.diag(gram)
-    # a column that does not move gets no weight
-    scale = np.where(power > 1e-20 * float(np.max(power)), np.sqrt(np.maximum(power, 1e-300)), np.inf)
-    scaled = gram / scale[:, None] / scale[None, :]
-    lower = np.linalg.cholesky(scaled + 1e-11 * np.eye(scale.size))
-    target = solve_triangular(lower, moment / scale, lower=True)
-    weights, _ = nnls(lower.T, target, maxiter=50 * scale.size)
-    return np.asarray(weights / scale)
-
-
-def signed_weights(gram: Array, moment: Array, is_positive: NDArray[np.bool_]) -> Array:
-    """Return the weights that fit best, those marked not negative, the others of either sign, shape (n_columns,)."""
-    # a weight of either sign is the difference of two that are not negative
-    free = np.flatnonzero(~is_positive)
-    signs = np.concatenate((np.ones(moment.size), -np.ones(free.size)))
-    order = np.concatenate((np.arange(moment.size), free))
-    both = non_negative_weights(gram[np.ix_(order, order)] * signs[:, None] * signs[None, :], moment[order] * signs)
-    weights = both[: moment.size].copy()
-    weights[free] -= both[moment.size :]
-    return weights
 
 
 def merged(form: OperatorSum, n_elements: int) -> OperatorSum:

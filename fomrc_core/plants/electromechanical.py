@@ -42,8 +42,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 
+from fomrc_core.compute.least_squares import non_negative_fit
 from fomrc_core.errors import ParameterError
 from fomrc_core.plants import electromechanical_kernel as kernel
 
@@ -308,8 +308,7 @@ def _lag_weights(
     time_s = np.geomspace(shortest_s, longest_s, 40 * rates_per_s.size // 2)
     wanted = time_s**order / math.gamma(1.0 + order)
     basis = np.column_stack([np.ones_like(time_s), -np.expm1(-np.outer(time_s, rates_per_s))])
-    weights, _ = nnls(basis / wanted[:, None], np.ones_like(time_s), maxiter=100 * rates_per_s.size)
-    return weights
+    return non_negative_fit([basis / wanted[:, None]], [np.ones_like(time_s)])
 
 
 def _require(name: str, value: float, is_allowed: object, allowed: str) -> None:

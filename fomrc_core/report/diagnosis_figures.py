@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.residual_views import (
     amplitude_density,
     binned,
     envelope,
-    is_settled,
     loop_phase_deg,
     rate_v_per_s,
     time_since_motion_s,

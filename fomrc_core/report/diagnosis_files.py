@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
 from fomrc_core.report.diagnosis_page import page
-from fomrc_core.report.residual_views import is_settled
 from fomrc_core.storage import write_model, write_text
 from fomrc_core.storage.atomic import write_bytes
 

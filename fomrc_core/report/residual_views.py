@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from fomrc_core.records.drive import LEAST_TURN, turning_points
+
 Array = NDArray[np.float64]
 
-_TURN_SHARE = 0.02  # of the voltage range: a drive that turns by less has not turned
 _REST_SHARE = 1e-3  # of the mean step while the drive moves: less is rest
 _N_PER_BIN_MIN = 8
 _SEGMENT = 4096
-_UNSURE_START_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +33,6 @@ class Binned:
     spreads: Array
 
 
-def is_settled(time_s: Array, voltage_v: Array) -> NDArray[np.bool_]:
-    """Return which samples say something of the model, shape (n_samples,).
-
-    Where a record begins away from zero volts nobody knows how it came there; its first fiftieth is left
-    out, as in the errors that are quoted.
-    """
-    if abs(float(voltage_v[0])) <= 0.01 * float(np.ptp(voltage_v)):
-        return np.ones(time_s.size, dtype=np.bool_)
-    return np.asarray(time_s - time_s[0] >= _UNSURE_START_SHARE * (time_s[-1] - time_s[0]))
-
-
 def loop_phase_deg(voltage_v: Array) -> Array:
     """Return the place in the loop [deg], 0 to 180 rising and 180 to 360 falling, shape (n_samples,).
 
@@ -51,7 +40,7 @@ def loop_phase_deg(voltage_v: Array) -> Array:
     loops and loops of any rate lie on each other; nan where the drive rests.
     """
     phase = np.full(voltage_v.size, np.nan)
-    turns = _turning_points(voltage_v)
+    turns = turning_points(voltage_v, LEAST_TURN * float(np.ptp(voltage_v)))
     for start, stop in pairwise(turns):
         way = voltage_v[stop] - voltage_v[start]
         share = np.clip((voltage_v[start : stop + 1] - voltage_v[start]) / way, 0.0, 1.0)
@@ -133,22 +122,3 @@ def _typical_step(voltage_v: Array) -> float:
     steps = np.abs(np.diff(voltage_v))
     moving = steps[steps > 1e-9 * float(np.ptp(voltage_v))]
     return float(np.mean(moving)) if moving.size else 1.0
-
-
-def _turning_points(voltage_v: Array) -> list[int]:
-    """Return the samples at which the drive turns by more than a small share of its range, with the ends."""
-    tolerance = _TURN_SHARE * float(np.ptp(voltage_v))
-    turns, extreme, direction = [0], 0, 0
-    for k in range(1, voltage_v.size):
-        change = voltage_v[k] - voltage_v[extreme]
-        if direction == 0:
-            if abs(change) > tolerance:
-                direction, extreme = (1 if change > 0.0 else -1), k
-        elif change * direction > 0.0:
-            extreme = k
-        elif -change * direction > tolerance:
-            turns.append(extreme)
-            direction, extreme = -direction, k
-    if direction != 0 and extreme != turns[-1]:
-        turns.append(extreme)
-    return turns

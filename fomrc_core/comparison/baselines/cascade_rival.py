@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.comparison.baselines.creep_cascade import NO_CREEP, CreepCascade, lag, linear_creep, logarithmic_creep
-from fomrc_core.comparison.baselines.nonnegative import nonnegative_weights
 from fomrc_core.comparison.baselines.rival import FittedRival, Rival, TrainingRecord
+from fomrc_core.compute.least_squares import non_negative_fit
 
 Array = NDArray[np.float64]
 CreepKind = Literal["none", "logarithmic", "linear"]
@@ -105,7 +105,7 @@ class CascadeRival(Rival):
         columns = [family.columns(r.voltage_v) for r in records]
         targets = [r.centred(r.displacement_um) for r in records]
         if self.creep == "none":
-            weights = nonnegative_weights([r.centred(c) for r, c in zip(records, columns, strict=True)], targets)
+            weights = non_negative_fit([r.centred(c) for r, c in zip(records, columns, strict=True)], targets)
             return FittedCascade(family.operator(weights), NO_CREEP)
         lags = [lagged_columns(self.creep, r, c) for r, c in zip(records, columns, strict=True)]
         creep: CreepCascade = NO_CREEP
@@ -115,7 +115,7 @@ class CascadeRival(Rival):
                 r.centred(c + sum(gain * part for gain, part in zip(gains, own, strict=True)))
                 for r, c, own in zip(records, columns, lags, strict=True)
             ]
-            weights = nonnegative_weights(crept, targets)
+            weights = non_negative_fit(crept, targets)
             parts = [
                 r.centred(np.column_stack([c @ weights, *(part @ weights for part in own)]))
                 for r, c, own in zip(records, columns, lags, strict=True)
@@ -147,7 +147,7 @@ def fitted_creep(kind: CreepKind, parts: Sequence[Array], targets: Sequence[Arra
         parts: per record, centred: output of the hysteresis, then what each free gain multiplies [um].
         targets: per record, centred displacement [um].
     """
-    gains = nonnegative_weights(parts, targets)
+    gains = non_negative_fit(parts, targets)
     if gains[0] <= 0.0:
         return NO_CREEP
     relative = gains[1:] / gains[0]

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.comparison.baselines.nonnegative import nonnegative_weights
 from fomrc_core.comparison.baselines.prandtl_ishlinskii import PlaySum, plays
 from fomrc_core.comparison.baselines.rival import FittedRival, Rival, TrainingRecord
+from fomrc_core.compute.least_squares import non_negative_fit
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def fitted_stops(records: Sequence[TrainingRecord], n_thresholds: int, has_last:
         basis = np.column_stack([stops, x]) if has_last else stops
         columns.append(record.centred(basis))
         targets.append(record.centred(record.voltage_v))
-    weights = nonnegative_weights(columns, targets)
+    weights = non_negative_fit(columns, targets)
     compliance, last = (weights[:-1], float(weights[-1])) if has_last else (weights, 0.0)
     kept = compliance > 0.0
     if not (last > 0.0 or (not has_last and compliance[-1] > 0.0)):

@@ -24,9 +24,9 @@ from fomrc_core.comparison.baselines.cascade_rival import (
     lagged_columns,
 )
 from fomrc_core.comparison.baselines.creep_cascade import NO_CREEP, CreepCascade
-from fomrc_core.comparison.baselines.nonnegative import nonnegative_weights
 from fomrc_core.comparison.baselines.rival import FittedRival, Rival, TrainingRecord
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.compute.least_squares import non_negative_fit
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
@@ -176,7 +176,7 @@ class ModifiedPrandtlIshlinskii(Rival):
             crept = [creep.apply(r.steps_s, c) for r, c in zip(records, columns, strict=True)]
             basis = [r.centred(np.hstack([h, -p[:, others]])) for r, h, p in zip(records, crept, pieces, strict=True)]
             targets = [r.centred(p[:, middle]) for r, p in zip(records, pieces, strict=True)]
-            found = nonnegative_weights(basis, targets)
+            found = non_negative_fit(basis, targets)
             weights = found[: self.n_thresholds]
             slopes = np.insert(found[self.n_thresholds :], middle, 1.0)
             if self.creep_kind != "none":

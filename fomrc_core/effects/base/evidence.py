@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
+
+from fomrc_core.records.drive import n_loop_kinds
 
 Array = NDArray[np.float64]
-
-_LEAST_TURN = 0.02  # of the range: less may be noise of a measured voltage
-_N_CELLS = 8
-MANY_LOOPS = 10  # a sine makes up to 4 kinds, triangles, steps and a multisine together 15 to 26
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +76,3 @@ class Evidence:
     def stroke_um(self) -> float:
         """Range of the predicted displacement [um]."""
         return max(float(np.ptp(record.predicted_um)) for record in self.records)
-
-
-def n_loop_kinds(voltages_v: Sequence[Array]) -> int:
-    """Return the number of kinds of sweeps between turning points of drives [V], told apart by width and mean."""
-    low, high = min(float(np.min(v)) for v in voltages_v), max(float(np.max(v)) for v in voltages_v)
-    if not high > low:
-        return 0
-    kinds: set[tuple[int, int]] = set()
-    for voltage_v in voltages_v:
-        share = (voltage_v - low) / (high - low)
-        turns = [find_peaks(way, prominence=_LEAST_TURN)[0] for way in (share, -share)]
-        ends = share[np.unique(np.concatenate(([0, share.size - 1], *turns)))]
-        width, mean = np.abs(np.diff(ends)), 0.5 * (ends[1:] + ends[:-1])
-        cells = np.minimum((_N_CELLS * np.column_stack((width, mean))).astype(int), _N_CELLS - 1)
-        kinds.update((int(w), int(m)) for w, m in cells)
-    return len(kinds)

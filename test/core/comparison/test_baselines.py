@@ -10,9 +10,9 @@ from fomrc_core.comparison.baselines.creep_cascade import linear_creep, logarith
 from fomrc_core.comparison.baselines.goldfarb_celanovic import GoldfarbCelanovic
 from fomrc_core.comparison.baselines.maxwell_slip import MaxwellSlip
 from fomrc_core.comparison.baselines.mrc import MaxwellResistiveCapacitor
-from fomrc_core.comparison.baselines.nonnegative import nonnegative_weights
 from fomrc_core.comparison.baselines.prandtl_ishlinskii import ModifiedPrandtlIshlinskii, PlaySum, PrandtlIshlinskii
 from fomrc_core.comparison.baselines.preisach import Preisach
+from fomrc_core.compute.least_squares import non_negative_fit
 from fomrc_core.errors import ParameterError
 from fomrc_core.records.recording import Recording
 
@@ -103,9 +103,9 @@ def test_logarithmic_creep_grows_by_the_same_amount_every_decade():
     np.testing.assert_allclose(np.diff(decades), 0.03, rtol=0.02)
 
 
-def test_nonnegative_weights_ignore_columns_that_never_move():
+def test_a_non_negative_fit_ignores_columns_that_never_move():
     columns = RNG.normal(size=(200, 3)) @ np.diag([1.0, 1.0, 0.0])
-    weights = nonnegative_weights([columns], [columns @ np.array([2.0, 0.5, 9.0])])
+    weights = non_negative_fit([columns], [columns @ np.array([2.0, 0.5, 9.0])])
     np.testing.assert_allclose(weights, [2.0, 0.5, 0.0], atol=1e-12)
 
 

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.effects.base.evidence import n_loop_kinds
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
+from fomrc_core.records.drive import n_loop_kinds
 
 TIME_S = np.arange(20_000) * 1e-3
 

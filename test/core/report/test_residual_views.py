@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fomrc_core.records.drive import is_settled
 from fomrc_core.report.residual_views import (
     amplitude_density,
     binned,
     envelope,
-    is_settled,
     loop_phase_deg,
     time_since_motion_s,
 )

@@ -1,0 +1,134 @@
+"""Linear least squares over several records: normal equations, their solution, and weights that are not negative.
+
+Each record gives columns of shape (n_samples, n_columns) and one target of shape (n_samples,), of which some samples
+are used. The sum over the records of |columns w - target|^2 is least where gram w = moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import nnls
+
+from fomrc_core.compute.arrays import Array, Mask
+
+# Directions whose power is below this share of the largest are rounding: the Gram matrix of unit columns has an
+# error of some machine epsilons (2.2e-16) times the number of columns (a hundred and more).
+RANK_TOLERANCE = 1e-13
+# A column with less than this share of the largest power (a share of 1e-10 in size) does not move.
+_STILL = 1e-20
+# Added to the diagonal of a Gram matrix of unit columns so that its Cholesky factor exists; well above its rounding
+# error, and moves a weight that the records determine by this share only.
+_RIDGE = 1e-11
+# Active set changes allowed for each column; as a rule a few suffice.
+_CHANGES_PER_COLUMN = 50
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """gram w = moment.
+
+    Attributes:
+        gram: sum of columns^T columns over the used samples of all records, shape (n_columns, n_columns).
+        moment: sum of columns^T target, shape (n_columns,).
+    """
+
+    gram: Array
+    moment: Array
+
+    def solution(self) -> Array:
+        """Return the weights of either sign that fit best, shape (n_columns,); the shortest where several do."""
+        whitening = whitening_of(self.gram)
+        return np.asarray(whitening @ (whitening.T @ self.moment))
+
+
+def normal_equations(records: Iterable[tuple[Array, Array, Mask]]) -> NormalEquations:
+    """Return the normal equations of records, each given as (columns, target, is_used).
+
+    The records may come from a generator: the columns of one are held at a time.
+
+    Raises:
+        ValueError: no records.
+    """
+    gram: Array | None = None
+    moment: Array | None = None
+    for columns, target, is_used in records:
+        own_gram, own_moment = product(columns, columns, is_used), product(columns, target, is_used)
+        gram = own_gram if gram is None else gram + own_gram
+        moment = own_moment if moment is None else moment + own_moment
+    if gram is None or moment is None:
+        raise ValueError("normal equations of no records")
+    return NormalEquations(gram, moment)
+
+
+def product(columns: Array, signals: Array, is_used: Mask) -> Array:
+    """Return columns^T signals over the used samples; the signals have shape (n_samples,) or (n_samples, n_signals)."""
+    # zeroing the one signal costs nothing beside copying the used rows of all columns
+    masked = signals if np.all(is_used) else np.where(is_used if signals.ndim == 1 else is_used[:, None], signals, 0.0)
+    return np.asarray(columns.T @ masked)
+
+
+def whitening_of(gram: Array) -> Array:
+    """Return W with W W^T the pseudo-inverse of the Gram matrix, directions below rounding left out.
+
+    Shape (n_columns, rank); columns^T columns = gram makes columns W orthonormal.
+    """
+    power = np.diag(gram)
+    # a column that does not move (a knee the drive never reaches) takes no part
+    scale = np.where(power > _STILL * np.max(power), 1.0 / np.sqrt(np.maximum(power, 1e-300)), 0.0)
+    values, vectors = np.linalg.eigh(gram * scale[:, None] * scale[None, :])
+    kept = values > RANK_TOLERANCE * values[-1]
+    return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def non_negative_weights(gram: Array, moment: Array) -> Array:
+    """Return the non-negative weights that fit best, from the Gram matrix and the moments, shape (n_columns,).
+
+    Convex: no start values, no local minima.
+    """
+    power = np.diag(gram)
+    # a column that does not move gets no weight
+    scale = np.where(power > _STILL * float(np.max(power)), np.sqrt(np.maximum(power, 1e-300)), np.inf)
+    scaled = gram / scale[:, None] / scale[None, :]
+    lower = np.linalg.cholesky(scaled + _RIDGE * np.eye(scale.size))
+    target = solve_triangular(lower, moment / scale, lower=True)
+    return _solved(lower.T, target) / scale
+
+
+def signed_weights(gram: Array, moment: Array, is_positive: Mask) -> Array:
+    """Return the weights that fit best, those marked not negative, the others of either sign, shape (n_columns,)."""
+    # a weight of either sign is the difference of two that are not negative
+    free = np.flatnonzero(~is_positive)
+    signs = np.concatenate((np.ones(moment.size), -np.ones(free.size)))
+    order = np.concatenate((np.arange(moment.size), free))
+    both = non_negative_weights(gram[np.ix_(order, order)] * signs[:, None] * signs[None, :], moment[order] * signs)
+    weights = both[: moment.size].copy()
+    weights[free] -= both[moment.size :]
+    return weights
+
+
+def non_negative_fit(columns: Sequence[Array], targets: Sequence[Array]) -> Array:
+    """Return w >= 0 that minimises the sum of |columns w - target|^2, shape (n_columns,).
+
+    From the columns themselves, where the Gram matrix would lose digits: columns that are much alike, or errors to
+    many decades.
+
+    Args:
+        columns: per record, shape (n_samples, n_columns).
+        targets: per record, shape (n_samples,).
+    """
+    stacked = np.vstack([np.column_stack(pair) for pair in zip(columns, targets, strict=True)])
+    # The triangular factor holds all that matters, and is small.
+    triangle: Array = np.asarray(np.linalg.qr(stacked, mode="r"))
+    matrix, target = triangle[:, :-1], triangle[:, -1]
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale <= 1e-12 * scale.max(initial=0.0)] = np.inf  # columns the record never moves
+    return _solved(matrix / scale, target) / scale
+
+
+def _solved(matrix: Array, target: Array) -> Array:
+    weights, _ = nnls(matrix, target, maxiter=_CHANGES_PER_COLUMN * matrix.shape[1])
+    return np.asarray(weights)

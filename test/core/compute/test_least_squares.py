@@ -1,0 +1,70 @@
+"""Least squares over several records against numpy's and scipy's own, and the conditions of optimality."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.compute.least_squares import (
+    non_negative_fit,
+    non_negative_weights,
+    normal_equations,
+    signed_weights,
+    whitening_of,
+)
+
+_RNG = np.random.default_rng(7)
+
+
+def _records() -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    return [
+        (_RNG.standard_normal((n, 4)) * [1e-3, 1.0, 50.0, 1.0], _RNG.standard_normal(n), _RNG.random(n) < share)
+        for n, share in ((60, 0.7), (45, 1.1))
+    ]
+
+
+def test_the_solution_is_that_of_the_stacked_used_samples() -> None:
+    records = _records()
+    stacked = np.vstack([c[u] for c, _, u in records])
+    target = np.concatenate([t[u] for _, t, u in records])
+    expected = np.linalg.lstsq(stacked, target, rcond=None)[0]
+    assert normal_equations(records).solution() == pytest.approx(expected, rel=1e-9)
+
+
+def test_normal_equations_of_no_records_are_refused() -> None:
+    with pytest.raises(ValueError, match="no records"):
+        normal_equations(iter(()))
+
+
+def test_whitened_columns_are_orthonormal_and_idle_or_doubled_ones_left_out() -> None:
+    columns = _RNG.standard_normal((80, 3)) @ np.diag([1e-4, 1.0, 1e4])
+    columns = np.column_stack((columns, np.zeros(80), columns[:, 1]))
+    whitening = whitening_of(columns.T @ columns)
+    assert whitening.shape == (5, 3)
+    white = columns @ whitening
+    assert white.T @ white == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_non_negative_weights_meet_the_conditions_of_karush_kuhn_and_tucker() -> None:
+    columns = _RNG.standard_normal((200, 6)) + 0.5
+    columns[:, 4] = 0.0
+    target = columns @ np.array([1.0, -2.0, 0.5, -0.1, 0.0, 2.0]) + 0.1 * _RNG.standard_normal(200)
+    gram, moment = columns.T @ columns, columns.T @ target
+    for weights in (non_negative_weights(gram, moment), non_negative_fit([columns], [target])):
+        slope = moment - gram @ weights
+        scale = float(np.linalg.norm(moment))
+        assert np.all(weights >= 0.0)
+        assert weights[4] == 0.0
+        assert np.all(slope <= 1e-7 * scale)
+        assert np.abs(slope[weights > 0.0]).max() <= 1e-7 * scale
+
+
+def test_weights_of_either_sign_are_free_and_the_marked_ones_not_negative() -> None:
+    columns = _RNG.standard_normal((100, 3))
+    target = columns @ np.array([1.0, -2.0, -3.0])
+    gram, moment = columns.T @ columns, columns.T @ target
+    free = signed_weights(gram, moment, np.zeros(3, dtype=bool))
+    assert free == pytest.approx([1.0, -2.0, -3.0], rel=1e-6)
+    part = signed_weights(gram, moment, np.array([True, True, False]))
+    assert part[1] == 0.0
+    assert part[2] < 0.0
