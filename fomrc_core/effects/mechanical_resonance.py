@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import welch
 
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
@@ -80,6 +79,8 @@ class MechanicalResonance(Effect):
 
         A peak may be the image of a frequency above half the sample rate, so its image is tried as well.
         """
+        from scipy.signal import welch  # slow to import, and only a diagnosis needs it
+
         rate = 1.0 / evidence.sample_period_s
         trials: list[Effect] = [cls(float(f), 0.1) for f in rate * np.geomspace(0.02, 0.49, 8)]
         trials += [cls(float(f), 0.4) for f in rate * np.geomspace(0.02, 0.8, 4)]
