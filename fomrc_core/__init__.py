@@ -7,7 +7,7 @@
     voltage_v = Compensator(fit.model).run(steps_s, desired_um)
     print(diagnose(record))
 
-Each name is imported when it is first used: who only reads recordings does not wait for the compiler of the kernels.
+Each name is imported when it is first used, so that importing the package itself takes no time.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def compare(
     folder = make_directory(output)
     with progress_shown("compare") as progress:
         comparison = score_all(records, held_out, folder, progress, extended_model=extended)
-    print(comparison.table())
+    print(comparison)
 
 
 def reproduce(output: OutputDirectory) -> None:
@@ -57,7 +57,7 @@ def reproduce(output: OutputDirectory) -> None:
     folder = make_directory(output)
     with progress_shown("reproduce") as progress:
         reproduction = reproduce_all(folder, progress=progress)
-    print(reproduction.table())
+    print(reproduction)
 
 
 def data(

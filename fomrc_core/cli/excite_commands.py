@@ -152,7 +152,4 @@ def _write(drive: Excitation, output: Path) -> None:
     from fomrc_core.storage import write_recording
 
     write_recording(drive.to_recording(), output)
-    say(
-        f"{drive.name}: {drive.n_samples} samples, {drive.duration_s:g} s, "
-        f"{drive.voltage_v.min():g} to {drive.voltage_v.max():g} V"
-    )
+    say(str(drive))

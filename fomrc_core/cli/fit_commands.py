@@ -56,7 +56,7 @@ def identify(
     """
     from fomrc_core.identification.convex import identify as fit_to
     from fomrc_core.identification.uncertainty import estimate_uncertainty
-    from fomrc_core.report.fit_results import fit_results, uncertainty_lines, uncertainty_results
+    from fomrc_core.report.fit_results import fit_results, uncertainty_results
     from fomrc_core.storage import write_model, write_text
 
     n_elements = _element_count(elements)
@@ -74,16 +74,10 @@ def identify(
         if sure is not None:
             results["uncertainty"] = uncertainty_results(sure)
         write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", json_file)
-    print(f"{fit.outcome.value}: {fit.reason}")
-    print(
-        f"creep order {fit.model.creep_order:.5g} +- {fit.creep_order_standard_error:.2g}, "
-        f"{fit.model.n_elements} elements"
-    )
-    print(f"NRMSE {fit.nrmse_percent:.4g} % (rms {1e3 * fit.rms_um:.4g} nm, noise {1e3 * fit.noise_um:.4g} nm)")
-    if held_out is not None:
-        print(f"NRMSE {fit.test_nrmse_percent:.4g} % held out ({held_out.name})")
+    # The error on held-out data is the last line.
+    print(fit if held_out is None else f"{fit} ({held_out.name})")
     if sure is not None:
-        print("\n".join(uncertainty_lines(sure)))
+        print(sure)
     for record, start in zip(records, fit.starts, strict=True):
         say(f"{record.name}: taken to begin {start}")
 
@@ -123,7 +117,7 @@ def diagnose(
         diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)
         progress(1.0, "report")
         write_report(diagnosis, folder)
-    print(diagnosis.summary())
+    print(diagnosis)
     say(f"{folder / 'report.html'}")
 
 

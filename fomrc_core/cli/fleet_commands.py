@@ -54,12 +54,9 @@ def identify_fleet(
     failed = [record for record in records if not record.is_done]
     for record in records:
         if record.is_done:
-            print(
-                f"{record.name}: creep order {record.creep_order:.5g}, NRMSE {record.nrmse_percent:.4g} %"
-                f"{' (kept)' if record.is_kept else ''}"
-            )
+            print(record)
     for record in failed:
-        say(f"fomrc: {record.name} failed: {record.reason}")
+        say(f"fomrc: {record}")
     print(f"{len(records) - len(failed)} of {len(records)} recordings identified, models in {output}")
     return 2 if failed else 0
 

@@ -68,6 +68,9 @@ class Comparison:
     test_name: str
     test_range_um: float
 
+    def __str__(self) -> str:
+        return self.table()
+
     def table(self) -> str:
         """Return the rows as a Markdown table."""
         lines = [

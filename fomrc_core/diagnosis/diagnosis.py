@@ -85,6 +85,10 @@ class RecordView:
     residual_before_um: Array
     residual_after_um: Array
 
+    def __str__(self) -> str:
+        before, after = 1e3 * rms(self.residual_before_um), 1e3 * rms(self.residual_after_um)
+        return f"{self.name} ({self.role}): {self.time_s.size} samples, rms {before:.4g} nm -> {after:.4g} nm"
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -121,6 +125,9 @@ class Diagnosis:
     extended_model: PiezoModel
     records: tuple[RecordView, ...]
     quoted_on: str
+
+    def __str__(self) -> str:
+        return self.summary()
 
     def summary(self) -> str:
         """Return the diagnosis in a few lines."""

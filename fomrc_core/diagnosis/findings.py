@@ -46,6 +46,9 @@ class Finding:
     evidence: str
     meaning: str
 
+    def __str__(self) -> str:
+        return self.sentence()
+
     def sentence(self) -> str:
         """Return the finding in a line."""
         shown = []

@@ -7,6 +7,7 @@ on the forward error (34). The paper's own route (29)-(34) is ``method="paper"``
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -80,6 +81,17 @@ class Fit:
     relative_standard_errors: Array
     undetermined_elements: tuple[int, ...]
     starts: tuple[str, ...]
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.outcome.value}: {self.reason}",
+            f"creep order {self.model.creep_order:.5g} +- {self.creep_order_standard_error:.2g}, "
+            f"{self.model.n_elements} elements",
+            f"NRMSE {self.nrmse_percent:.4g} % (rms {1e3 * self.rms_um:.4g} nm, noise {1e3 * self.noise_um:.4g} nm)",
+        ]
+        if not math.isnan(self.test_nrmse_percent):
+            lines.append(f"NRMSE {self.test_nrmse_percent:.4g} % held out")
+        return "\n".join(lines)
 
 
 @with_one_algebra_thread

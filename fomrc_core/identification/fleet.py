@@ -69,6 +69,12 @@ class FleetRecord:
     nrmse_percent: float = math.nan
     creep_order: float = math.nan
 
+    def __str__(self) -> str:
+        if not self.is_done:
+            return f"{self.name} failed: {self.reason}"
+        kept = " (kept)" if self.is_kept else ""
+        return f"{self.name}: creep order {self.creep_order:.5g}, NRMSE {self.nrmse_percent:.4g} %{kept}"
+
 
 def records_in(folder: Path) -> list[Path]:
     """Return the recordings in a folder, by name: files that may hold one, and rosbag2 folders.

@@ -57,6 +57,13 @@ class PaperFit:
     n_simulations: int
     notes: tuple[str, ...] = ()
 
+    def __str__(self) -> str:
+        gain = (
+            f"paper's route: rms {1e3 * self.rms_um:.4g} nm after {self.n_simulations} simulations, from "
+            f"{1e3 * self.start_rms_um:.4g} nm"
+        )
+        return "\n".join([gain, str(self.model), *self.notes])
+
 
 def elements_from_rising_curve(voltage_v: Array, displacement_um: Array, n_elements: int) -> tuple[Array, Array]:
     """Return (kappa_um_per_v, saturation_v) from the initial rising curve, (29)-(31) with (30) corrected.

@@ -56,6 +56,14 @@ class ElementUncertainty:
     knee_v: float
     is_determined: bool
 
+    def __str__(self) -> str:
+        return (
+            f"element {self.number}: "
+            f"kappa {self.kappa_um_per_v:.4g} um/V +- {100 * self.kappa_relative_error:.2g} %, "
+            f"saturation {self.saturation_v:.4g} V +- {100 * self.saturation_relative_error:.2g} %"
+            f"{'' if self.is_determined else ', not determined by this data'}"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
@@ -77,6 +85,11 @@ class Uncertainty:
     last_kappa_interval_um_per_v: tuple[float, float]
     replicates: Array
     advice: tuple[str, ...]
+
+    def __str__(self) -> str:
+        low, high = self.creep_order_interval
+        order = f"creep order {self.creep_order:.5g}, between {low:.5g} and {high:.5g} (95 %)"
+        return "\n".join([order, *map(str, self.elements), *self.advice])
 
     @property
     def n_determined(self) -> int:

@@ -95,6 +95,10 @@ class Compensator:
         self._hysteresis = hysteresis_block(form)
         self.at_creep = int(self._hysteresis.size)
 
+    def __str__(self) -> str:
+        lines = [f"compensator of a {self.model}"]
+        return "\n".join([*lines, *(f"{name} is left as it is: {reason}" for name, reason in self.not_inverted)])
+
     def initial_state(self) -> ModelState:
         """Return the relaxed state."""
         packed = np.concatenate((self._hysteresis, creep_block(self.model.creep_modes)))

@@ -119,6 +119,15 @@ class PiezoModel:
                 raise ParameterError("effect named twice", where="model.effects", value=name, allowed="each once")
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda effect: effect.place)))
 
+    def __str__(self) -> str:
+        gain = f"gain {self.play_form.slope:.5g} um/V at a turning point"
+        if self.n_elements:
+            low_v, high_v = self.saturation_v.min(), self.saturation_v.max()
+            gain += f", {self.kappa_um_per_v[-1]:.5g} um/V once all elements slip; "
+            gain += f"saturation voltages {low_v:.4g} to {high_v:.4g} V"
+        lines = [f"piezo model: {self.n_elements} elements, creep order {self.creep_order:.5g}", gain]
+        return "\n".join([*lines, *(f"effect {effect}" for effect in self.effects)])
+
     @property
     def n_elements(self) -> int:
         """Number of elements that saturate."""

@@ -36,6 +36,9 @@ class RecordStart:
     description: str
     n_samples: int
 
+    def __str__(self) -> str:
+        return f"{self.description}; offset {self.offset_um:.6g} um, from the first {self.n_samples} samples"
+
 
 def relaxed_start(model: PiezoModel, recording: Recording) -> RecordStart:
     """Return the start of a record that is known to begin relaxed, or as the model's initial_state says.

@@ -44,6 +44,12 @@ class Excitation:
         object.__setattr__(self, "time_s", checked.time_s)
         object.__setattr__(self, "voltage_v", checked.voltage_v)
 
+    def __str__(self) -> str:
+        return (
+            f"{self.name}: {self.n_samples} samples, {self.duration_s:g} s, "
+            f"{self.voltage_v.min():g} to {self.voltage_v.max():g} V"
+        )
+
     @property
     def n_samples(self) -> int:
         """Number of samples."""

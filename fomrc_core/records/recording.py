@@ -74,6 +74,14 @@ class Recording:
                 allowed=f"more than {float(self.time_s[k - 1])!r}",
             )
 
+    def __str__(self) -> str:
+        lines = [f"{self.name}: {self.n_samples} samples in {self.duration_s:g} s, every {self.sample_period_s:g} s"]
+        for field_name in _ARRAY_FIELDS[1:]:
+            values = getattr(self, field_name)
+            if values is not None:
+                lines.append(f"{field_name} {values.min():.5g} to {values.max():.5g}")
+        return "\n".join(lines)
+
     @property
     def n_samples(self) -> int:
         """Number of samples."""

@@ -1,4 +1,4 @@
-"""An identification as plain numbers for programs, and how sure it is as lines for people."""
+"""An identification, and how sure it is, as plain numbers for programs."""
 
 from __future__ import annotations
 
@@ -8,20 +8,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fomrc_core.identification.convex import Fit
     from fomrc_core.identification.uncertainty import Uncertainty
-
-
-def uncertainty_lines(sure: Uncertainty) -> list[str]:
-    """Return how sure each parameter is, a line each, and what to measure to learn more."""
-    low, high = sure.creep_order_interval
-    lines = [f"creep order {sure.creep_order:.5g}, between {low:.5g} and {high:.5g} (95 %)"]
-    for element in sure.elements:
-        sureness = "" if element.is_determined else ", not determined by this data"
-        lines.append(
-            f"element {element.number}: "
-            f"kappa {element.kappa_um_per_v:.4g} um/V +- {100 * element.kappa_relative_error:.2g} %, "
-            f"saturation {element.saturation_v:.4g} V +- {100 * element.saturation_relative_error:.2g} %{sureness}"
-        )
-    return lines + list(sure.advice)
 
 
 def uncertainty_results(sure: Uncertainty) -> dict[str, Any]:

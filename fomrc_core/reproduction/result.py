@@ -22,6 +22,9 @@ class Reproduction:
     figure_names: tuple[str, ...]
     duration_s: float
 
+    def __str__(self) -> str:
+        return self.table()
+
     def table(self) -> str:
         """Return the claims as a Markdown table."""
         lines = [

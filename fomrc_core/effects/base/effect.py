@@ -110,6 +110,11 @@ class Effect(ABC):
             checked = [_checked(v, spec, where) for v in values]
             object.__setattr__(self, spec.name, tuple(checked) if spec.is_list else checked[0])
 
+    def __str__(self) -> str:
+        values = ((spec.name, getattr(self, spec.name)) for spec in self.parameters)
+        shown = (f"{name}: {len(v)} values" if isinstance(v, tuple) else f"{name} {v:.5g}" for name, v in values)
+        return f"{self.name} ({', '.join(shown)})"
+
     @abstractmethod
     def initial_state(self) -> Array:
         """Return the state at rest, shape (n_state,)."""
