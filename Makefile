@@ -54,9 +54,9 @@ $(BIN)/python:
 # Where a ROS installation is sourced its own rclpy is used; elsewhere it comes as wheels.
 $(RUN_STAMP): setup.py setup.cfg pyproject.toml | $(BIN)/python
 	@if $(BIN)/python -c 'import importlib.util as u, sys; sys.exit(u.find_spec("rclpy") is None or u.find_spec("ros_wheels_bootstrapper") is not None)'; then \
-	  extras=fast,bags; \
+	  extras=bags; \
 	elif $(BIN)/python -c 'import platform, sys; sys.exit(not ((3, 10) <= sys.version_info[:2] <= (3, 14) and platform.python_implementation() == "CPython" and platform.machine() in ("x86_64", "AMD64") and sys.platform == "linux"))'; then \
-	  extras=ros,fast,bags; \
+	  extras=ros,bags; \
 	else \
 	  echo "make: no ROS found, and its wheels need CPython 3.10-3.14 on x86-64 Linux; $(PYTHON) is $$($(BIN)/python -c 'import platform as p; print(p.python_implementation(), p.python_version(), "on", p.machine(), p.system())'): name another with PYTHON=..., or source a ROS 2 installation" >&2; \
 	  rm -rf $(VENV); exit 1; \

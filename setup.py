@@ -27,10 +27,11 @@ extras = {
         "ros-lifecycle-msgs",
         "ros-rcl-interfaces",
     ],
-    "fast": ["numba>=0.59"],
+    # Kept for who asks for it by its old name: numba is part of the base.
+    "fast": [],
     "bags": ["rosbags>=0.10"],
     # colcon recognises the test framework by 'pytest' in an extra of this name.
-    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "distributed>=2023.1"],
+    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "distributed>=2023.1", "sybil>=6"],
     "bench": ["pytest-benchmark>=4"],
     "lint": ["ruff>=0.6", "mypy>=1.10", "types-PyYAML"],
 }
@@ -44,11 +45,13 @@ setup(
     maintainer="fomrc maintainers",
     maintainer_email="maintainers@fomrc.invalid",
     python_requires=">=3.10",
+    package_data={"fomrc_core": ["py.typed"]},
     packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),
     install_requires=[
         "setuptools",
         "numpy>=1.23",
         "scipy>=1.10",
+        "numba>=0.59",
         "PyYAML>=6.0",
         "matplotlib>=3.6",
         "typer>=0.12",

@@ -5,8 +5,13 @@ from __future__ import annotations
 import ast
 import os
 import re
+import runpy
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
+
+import pytest
+import setuptools
 
 _ROOT = Path(__file__).resolve().parents[1]
 _SETUP = (_ROOT / "setup.py").read_text()
@@ -47,13 +52,53 @@ def test_what_launch_files_start_is_installed() -> None:
     assert started <= set(_commands())
 
 
-def test_both_descriptions_of_the_package_agree() -> None:
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What setup.py tells setuptools."""
+    arguments: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", lambda **given: arguments.update(given))
+    monkeypatch.chdir(_ROOT)
+    runpy.run_path(str(_ROOT / "setup.py"))
+    return arguments
+
+
+def _rosdep_key(requirement: str) -> str:
+    """Key of a requirement such as ``numpy>=1.23``; the wheels of ROS packages are called ros-NAME."""
+    name = re.split(r"[\[<>=!~; ]", requirement)[0]
+    if name.startswith("ros-"):
+        return name.removeprefix("ros-").replace("-", "_")
+    return "python3-yaml" if name == "PyYAML" else f"python3-{name}"
+
+
+def test_both_descriptions_of_the_package_agree(told: dict[str, Any]) -> None:
     assert _PACKAGE.get("format") == "3"
-    assert f'package_name = "{_PACKAGE.findtext("name")}"' in _SETUP
-    assert f'version="{_PACKAGE.findtext("version")}"' in _SETUP
-    assert f'license="{_PACKAGE.findtext("license")}"' in _SETUP
+    for field in ("name", "version", "license"):
+        assert told[field] == _PACKAGE.findtext(field)
+    maintainer = _PACKAGE.find("maintainer")
+    assert maintainer is not None
+    assert (told["maintainer"], told["maintainer_email"]) == (maintainer.text, maintainer.get("email"))
     assert (_ROOT / "resource" / str(_PACKAGE.findtext("name"))).is_file()
     assert _PACKAGE.findtext("export/build_type") == "ament_python"
+
+
+def test_both_descriptions_ask_for_the_same_packages(told: dict[str, Any]) -> None:
+    wanted = {_rosdep_key(requirement) for requirement in told["install_requires"] + told["extras_require"]["ros"]}
+    declared = {str(element.text) for element in _PACKAGE.iter("exec_depend")}
+    # Launch files run where ROS is installed, from its own packages: there are no wheels to ask for.
+    assert declared - wanted == {"launch", "launch_ros", "ros2launch"}
+    assert wanted - declared == set()
+    tests = {_rosdep_key(requirement) for requirement in told["extras_require"]["test"]}
+    assert {str(element.text) for element in _PACKAGE.iter("test_depend")} <= tests
+
+
+def test_numba_is_part_of_the_base_and_its_old_extra_still_installs(told: dict[str, Any]) -> None:
+    assert [requirement for requirement in told["install_requires"] if requirement.startswith("numba")]
+    assert told["extras_require"]["fast"] == []
+
+
+def test_types_are_installed_with_the_library(told: dict[str, Any]) -> None:
+    assert "py.typed" in told["package_data"]["fomrc_core"]
+    assert (_ROOT / "fomrc_core" / "py.typed").is_file()
 
 
 def test_every_message_package_in_use_is_declared() -> None:
