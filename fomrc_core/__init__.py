@@ -64,9 +64,12 @@ _MODULE_OF_NAME = {
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use (PEP 562)."""
     if name == "__version__":
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        value: Any = version("fomrc_ros")
+        try:
+            value: Any = version("fomrc_ros")
+        except PackageNotFoundError:  # a bare copy of the source: there is no metadata to read
+            value = "unknown"
     elif name in _MODULE_OF_NAME:
         value = getattr(importlib.import_module(_MODULE_OF_NAME[name]), name)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -25,6 +25,25 @@ application = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _show_version(is_asked: bool) -> None:
+    if is_asked:
+        from fomrc_core import __version__
+
+        print(f"fomrc {__version__}")
+        raise typer.Exit
+
+
+@application.callback()
+def _before_any_command(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
 application.command()(simulate)
 application.command()(compensate)
 application.command()(identify)
@@ -50,6 +69,8 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(str(error))
     except KeyboardInterrupt:
         return INTERRUPTED
+    except MemoryError as error:
+        return _refuse(f"not enough memory ({error or 'no size told'}): shorter records or fewer samples")
     except Exception as error:
         # Wrong usage. The class is click's or, in newer releases, a copy of it inside of typer.
         if type(error).__name__ == "Abort":

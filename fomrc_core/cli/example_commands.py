@@ -37,9 +37,11 @@ def compare(
     topics: Topics = None,
 ) -> None:
     """Compare the model with those of the field, on the same data with the same split."""
+    from fomrc_core.comparison.comparison import FILE_NAMES
     from fomrc_core.comparison.comparison import compare as score_all
-    from fomrc_core.storage import make_directory, read_model
+    from fomrc_core.storage import check_outputs, files_in, make_directory, read_model
 
+    check_outputs(files_in(output, FILE_NAMES), [*recordings, test, *([model] if model else [])])
     extended = read_model(model) if model else None
     records = [read(path, columns, rate, topics) for path in recordings]
     held_out = read(test, columns, rate, topics)

@@ -57,9 +57,11 @@ def identify(
     from fomrc_core.identification.convex import identify as fit_to
     from fomrc_core.identification.uncertainty import estimate_uncertainty
     from fomrc_core.report.fit_results import fit_results, uncertainty_results
-    from fomrc_core.storage import write_model, write_text
+    from fomrc_core.storage import check_outputs, write_model, write_text
 
     n_elements = _element_count(elements)
+    outputs = {"--output": output} if json_file is None else {"--output": output, "--json": json_file}
+    check_outputs(outputs, [*recordings, *([test] if test else [])])
     records = [read(path, columns, rate, topics) for path in recordings]
     held_out = read(test, columns, rate, topics) if test else None
     with progress_shown("identify") as progress:
@@ -104,9 +106,11 @@ def diagnose(
     """
     from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
     from fomrc_core.records.usability import check_usable
-    from fomrc_core.report.diagnosis_files import write_report
-    from fomrc_core.storage import make_directory, read_model
+    from fomrc_core.report.diagnosis_files import FILE_NAMES, write_report
+    from fomrc_core.storage import check_outputs, files_in, make_directory, read_model
 
+    inputs = [*recordings, *(path for path in (test, report, model) if path is not None)]
+    check_outputs(files_in(output, FILE_NAMES), inputs)
     base = read_model(model) if model else None
     records = [read(path, columns, rate, topics) for path in recordings]
     held_out = read(test, columns, rate, topics) if test else None

@@ -42,8 +42,9 @@ def simulate(
 
     from fomrc_core.model.record_start import estimate_start, relaxed_start, simulate_from
     from fomrc_core.records.residual import nrmse_percent, residual_um, rms
-    from fomrc_core.storage import read_model, write_columns
+    from fomrc_core.storage import check_outputs, read_model, write_columns
 
+    check_outputs({"--output": output}, [model, recording])
     actuator = read_model(model)
     record = read(recording, columns, rate, topics)
     choose = estimate_start if initial_state is InitialState.ESTIMATE else relaxed_start
@@ -79,8 +80,9 @@ def compensate(
     """
     from fomrc_core.model.compensator import Compensator
     from fomrc_core.records.recording import Recording
-    from fomrc_core.storage import read_model, read_target, write_columns
+    from fomrc_core.storage import check_outputs, read_model, read_target, write_columns
 
+    check_outputs({"--output": output}, [model, target])
     compensator = Compensator(read_model(model))
     time_s, desired_um = read_target(target)
     # A recording only for its steps: the length of the first is a convention kept there.

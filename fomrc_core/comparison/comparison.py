@@ -34,6 +34,7 @@ from fomrc_core.storage import make_directory
 Array = NDArray[np.float64]
 
 NOISE_UM = 1e-3
+FILE_NAMES = ("comparison.md", "comparison.json", "comparison.png", "comparison.svg")
 _LARGEST_NOISE_GAIN = 100.0
 _LARGEST_ROUND_TRIP_PERCENT = 1.0
 

@@ -45,10 +45,17 @@ def not_negative(name: str, value: float, unit: str) -> float:
     return number
 
 
-def count(name: str, value: int) -> int:
-    """Return a whole number of one or more; raises ParameterError where it is not."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ParameterError("is no count", where=name, value=value, allowed="whole numbers from 1")
+def whole(name: str, value: int, *, at_least: int = 1, at_most: int | None = None) -> int:
+    """Return a whole number within the limits given; raises ParameterError where it is not."""
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if not is_whole or value < at_least or (at_most is not None and value > at_most):
+        high = "on" if at_most is None else f"to {at_most}"
+        raise ParameterError(
+            "is not a whole number in the range",
+            where=name,
+            value=value,
+            allowed=f"whole, from {at_least} {high}",
+        )
     return value
 
 
@@ -58,5 +65,5 @@ def _number(name: str, value: float, unit: str) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if isinstance(value, bool) or not math.isfinite(number):
-        raise ParameterError("is no finite number", where=name, value=value, allowed=f"numbers {unit}".strip())
+        raise ParameterError("is not a finite number", where=name, value=value, allowed=f"numbers {unit}".strip())
     return number

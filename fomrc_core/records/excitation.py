@@ -14,12 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.errors import ParameterError
-from fomrc_core.records.arguments import count, not_negative, positive
+from fomrc_core.records.arguments import not_negative, positive, whole
 from fomrc_core.records.recording import Recording
 
 AMPLITUDE_V = 2.5
 RATE_HZ = 1000.0
 _N_SAMPLES_MAX = 50_000_000
+# From below the smallest step of any converter to above any amplifier; rates from a sample in years to a
+# hundred times the fastest converter. Between these no product or quotient of two arguments overflows.
+_SMALLEST_V, _LARGEST_V = 1e-9, 1e6
+_SLOWEST_HZ, _FASTEST_HZ = 1e-9, 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +103,10 @@ def relaxation(
     Raises:
         ParameterError: an argument outside what is allowed.
     """
-    positive("amplitude_v", amplitude_v, "V")
-    positive("frequency_hz", frequency_hz, "Hz", at_most=0.25 * positive("rate_hz", rate_hz, "Hz"))
+    _voltage("amplitude_v", amplitude_v)
+    positive("frequency_hz", frequency_hz, "Hz", at_least=_SLOWEST_HZ, at_most=0.25 * _rate(rate_hz))
     positive("duration_s", duration_s, "s", at_least=1.0 / frequency_hz)
+    _refuse_too_many((duration_s + not_negative("rest_s", rest_s, "s")) * rate_hz)
     positive("corner_ratio", corner_ratio, "", below=1.0)
     positive("final_ratio", final_ratio, "", below=corner_ratio)
     # a(t_1) = c u^max gives k_1 t_1 = (1 - c) u^max and k_2 = k_1 / (c u^max); then exp(-k_2 (t_f - t_1)) is
@@ -112,7 +117,7 @@ def relaxation(
     k_2 = k_1 / (corner_ratio * amplitude_v)
     # sin(2 pi f t - pi / 2) is zero at odd multiples of a quarter period.
     end_s = (2.0 * np.ceil(0.5 * (4.0 * frequency_hz * duration_s - 1.0)) + 1.0) / (4.0 * frequency_hz)
-    time_s = _sample_times(end_s + not_negative("rest_s", rest_s, "s"), rate_hz)
+    time_s = _sample_times(end_s + rest_s, rate_hz)
     exponential_v = corner_ratio * amplitude_v * np.exp(k_2 * (linear_s - np.maximum(time_s, linear_s)))
     envelope_v = np.where(time_s <= linear_s, amplitude_v - k_1 * time_s, exponential_v)
     voltage_v = envelope_v * np.sin(2.0 * np.pi * frequency_hz * time_s - 0.5 * np.pi)
@@ -144,7 +149,17 @@ def triangle(
     Raises:
         ParameterError: an argument outside what is allowed.
     """
-    positive("slope_v_per_s", slope_v_per_s, "V/s")
+    _voltage("amplitude_v", amplitude_v)
+    positive("slope_v_per_s", slope_v_per_s, "V/s", at_least=_SMALLEST_V * _SLOWEST_HZ)
+    n_samples = _way_v(amplitude_v, n_cycles, is_unipolar=is_unipolar) / slope_v_per_s * _rate(rate_hz)
+    _refuse_too_many(n_samples)
+    if n_cycles > 1 and n_samples < 2 * n_cycles:
+        raise ParameterError(
+            "cycles fall between the samples",
+            where="n_cycles",
+            value=n_cycles,
+            allowed=f"at most {max(1, int(0.5 * n_samples))} at this slope and rate",
+        )
     turns_v = _turning_points(amplitude_v, n_cycles, is_unipolar=is_unipolar)
     turn_times_s = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(turns_v))))) / slope_v_per_s
     time_s = _sample_times(float(turn_times_s[-1]), rate_hz)
@@ -179,8 +194,11 @@ def staircase(
     Raises:
         ParameterError: an argument outside what is allowed.
     """
-    positive("step_v", step_v, "V")
-    positive("amplitude_v", amplitude_v, "V", at_least=step_v)
+    _voltage("step_v", step_v)
+    positive("amplitude_v", amplitude_v, "V", at_least=step_v, at_most=_LARGEST_V)
+    _refuse_too_many(
+        _way_v(amplitude_v, n_cycles, is_unipolar=is_unipolar) / step_v * _n_per_level(dwell_s, _rate(rate_hz))
+    )
     turns = np.round(_turning_points(amplitude_v, n_cycles, is_unipolar=is_unipolar) / step_v).astype(int)
     levels = [0]
     for level in turns[1:]:
@@ -211,8 +229,10 @@ def steps(
         ParameterError: an argument outside what is allowed.
     """
     levels = np.atleast_1d(np.array(levels_v, dtype=np.float64))
-    if levels.size == 0 or levels.ndim != 1 or not np.all(np.isfinite(levels)):
-        raise ParameterError("no levels to step to", where="levels_v", value=levels_v, allowed="finite numbers")
+    if levels.size == 0 or levels.ndim != 1 or not np.all(np.abs(levels) <= _LARGEST_V):
+        raise ParameterError(
+            "no levels to step to", where="levels_v", value=levels_v, allowed=f"numbers within {_LARGEST_V:g} V"
+        )
     return _held(levels, dwell_s, lead_in_s, offset_v, rate_hz, "steps")
 
 
@@ -245,11 +265,13 @@ def multisine(
     Raises:
         ParameterError: an argument outside what is allowed, or a band without harmonics.
     """
-    positive("amplitude_v", amplitude_v, "V")
-    positive("highest_hz", highest_hz, "Hz", below=0.5 * positive("rate_hz", rate_hz, "Hz"))
-    positive("lowest_hz", lowest_hz, "Hz")
-    count("n_periods", n_periods)
-    n_per_period = round(positive("period_s", period_s, "s") * rate_hz)
+    _voltage("amplitude_v", amplitude_v)
+    positive("highest_hz", highest_hz, "Hz", below=0.5 * _rate(rate_hz))
+    positive("lowest_hz", lowest_hz, "Hz", at_most=highest_hz)
+    whole("n_periods", n_periods, at_most=_N_SAMPLES_MAX)
+    whole("seed", seed, at_least=0)
+    _refuse_too_many(positive("period_s", period_s, "s") * rate_hz * n_periods)
+    n_per_period = round(period_s * rate_hz)
     if n_per_period < 4 or abs(n_per_period - period_s * rate_hz) > 1e-6:
         raise ParameterError(
             "period is no whole number of samples",
@@ -257,7 +279,6 @@ def multisine(
             value=period_s,
             allowed=f"multiples of {1.0 / rate_hz:g} s, 4 samples or more",
         )
-    _refuse_too_many(n_per_period * n_periods)
     # A hair of tolerance, so that a band given in decimals holds the harmonics at its ends.
     harmonics = np.arange(np.ceil(lowest_hz * period_s - 1e-9), np.floor(highest_hz * period_s + 1e-9) + 1).astype(int)
     if harmonics.size == 0:
@@ -299,9 +320,15 @@ def concatenate(*excitations: Excitation, name: str = "") -> Excitation:
     )
 
 
+def _way_v(amplitude_v: float, n_cycles: int, *, is_unipolar: bool) -> float:
+    """Return the way of the voltage through all its turning points [V], without making a list of them."""
+    # A cycle takes two samples or more. The amplitudes sum to those of the first and the last cycle, times half their
+    # number; each is gone through twice, on both sides of zero or on one.
+    whole("n_cycles", n_cycles, at_most=_N_SAMPLES_MAX // 2)
+    return (2.0 if is_unipolar else 4.0) * 0.5 * amplitude_v * (n_cycles + 1)
+
+
 def _turning_points(amplitude_v: float, n_cycles: int, *, is_unipolar: bool) -> NDArray[np.float64]:
-    positive("amplitude_v", amplitude_v, "V")
-    count("n_cycles", n_cycles)
     amplitudes = amplitude_v * (1.0 - np.arange(n_cycles) / n_cycles)
     lows = np.zeros(n_cycles) if is_unipolar else -amplitudes
     turns = np.column_stack((amplitudes, lows)).reshape(-1)
@@ -316,32 +343,44 @@ def _held(
     rate_hz: float,
     name: str,
 ) -> Excitation:
-    not_negative("lead_in_s", lead_in_s, "s")
-    positive("rate_hz", rate_hz, "Hz")
-    n_per_level = round(positive("dwell_s", dwell_s, "s", at_least=1.0 / rate_hz) * rate_hz)
+    n_per_level = _n_per_level(dwell_s, _rate(rate_hz))
+    _refuse_too_many(not_negative("lead_in_s", lead_in_s, "s") * rate_hz + n_per_level * levels_v.size)
     n_lead_in = max(1, round(lead_in_s * rate_hz))
-    _refuse_too_many(n_lead_in + n_per_level * levels_v.size)
     voltage_v = np.concatenate((np.zeros(n_lead_in), np.repeat(levels_v, n_per_level)))
     return Excitation(np.arange(voltage_v.size) / rate_hz, _offset(offset_v) + voltage_v, name)
 
 
 def _sample_times(duration_s: float, rate_hz: float) -> NDArray[np.float64]:
-    n_steps = max(1, int(np.ceil(duration_s * positive("rate_hz", rate_hz, "Hz") - 1e-6)))
-    _refuse_too_many(n_steps)
+    _refuse_too_many(duration_s * rate_hz)
+    n_steps = max(1, int(np.ceil(duration_s * rate_hz - 1e-6)))
     return np.arange(n_steps + 1) / rate_hz
 
 
+def _n_per_level(dwell_s: float, rate_hz: float) -> int:
+    _refuse_too_many(positive("dwell_s", dwell_s, "s", at_least=1.0 / rate_hz) * rate_hz)
+    return round(dwell_s * rate_hz)
+
+
+def _voltage(name: str, value: float) -> float:
+    return positive(name, value, "V", at_least=_SMALLEST_V, at_most=_LARGEST_V)
+
+
+def _rate(rate_hz: float) -> float:
+    return positive("rate_hz", rate_hz, "Hz", at_least=_SLOWEST_HZ, at_most=_FASTEST_HZ)
+
+
 def _offset(offset_v: float) -> float:
-    if not np.isfinite(offset_v):
-        raise ParameterError("is not finite", where="offset_v", value=offset_v, allowed="finite numbers [V]")
+    if not abs(offset_v) <= _LARGEST_V:
+        raise ParameterError("out of range", where="offset_v", value=offset_v, allowed=f"within {_LARGEST_V:g} V")
     return float(offset_v)
 
 
 def _refuse_too_many(n_samples: float) -> None:
-    if n_samples > _N_SAMPLES_MAX:
+    # Asked before anything is rounded or made: a product of two arguments may be infinite.
+    if not n_samples <= _N_SAMPLES_MAX:
         raise ParameterError(
             "too many samples",
             where="excitation",
-            value=int(n_samples),
+            value=float(n_samples),
             allowed=f"{_N_SAMPLES_MAX} or fewer: a lower rate_hz, or shorter",
         )

@@ -33,6 +33,7 @@ JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
     "report.html",
     "where_it_is_wrong.png",
 )
+FILE_NAMES = (JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME)
 
 
 def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> None:

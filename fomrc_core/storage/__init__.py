@@ -7,10 +7,13 @@ file, the line or field, the value found and what is allowed.
 from fomrc_core.storage.atomic import make_directory, write_text
 from fomrc_core.storage.bags import write_bag
 from fomrc_core.storage.model_files import model_to_parameters, read_model, write_model
+from fomrc_core.storage.output_paths import check_outputs, files_in
 from fomrc_core.storage.recordings import read_recording, read_target, write_columns, write_recording
 
 __all__ = [
     "atomic",
+    "check_outputs",
+    "files_in",
     "make_directory",
     "measured_examples",
     "model_to_parameters",

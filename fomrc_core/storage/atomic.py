@@ -21,20 +21,20 @@ def read_bytes(path: str | os.PathLike[str], *, n_bytes_max: int) -> bytes:
         n_bytes_max: most bytes accepted, counted after unpacking, so that a small archive cannot fill memory.
 
     Raises:
-        StorageError: no such file, a directory, unreadable, too large, or damaged gzip.
+        StorageError: no such file, a folder, a pipe or device, unreadable, too large, or damaged gzip.
     """
     where = os.fspath(path)
     if os.path.isdir(where):
         raise StorageError("is a folder", where=where, allowed="a file")
+    # A pipe nobody writes to would be waited for without end, and a device has no end.
+    if is_pipe_or_device(where):
+        raise StorageError("is a pipe or a device", where=where, allowed="a file")
     try:
         with open(where, "rb") as file:
             content = file.read(n_bytes_max + 1)
             if content.startswith(_GZIP_MAGIC):
-                if file.seekable():
-                    file.seek(0)
-                    content = gzip.GzipFile(fileobj=file).read(n_bytes_max + 1)
-                else:
-                    content = gzip.decompress(content)
+                file.seek(0)
+                content = gzip.GzipFile(fileobj=file).read(n_bytes_max + 1)
     except FileNotFoundError:
         raise StorageError("no such file", where=where) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
@@ -78,6 +78,30 @@ def make_directory(path: Path, *, where: str = "--output") -> Path:
     return path
 
 
+def is_pipe_or_device(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a path leads to something that is there but neither a file nor a folder, such as /dev/stdout."""
+    return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
+
+
+def target_of(path: str | os.PathLike[str]) -> Path:
+    """Return what would be written in the end: a link keeps pointing where it did, what it points to is replaced.
+
+    Raises:
+        StorageError: it is a folder, or lies in one that is missing or cannot be written to.
+    """
+    where = os.fspath(path)
+    if is_pipe_or_device(where):
+        return Path(where)  # cannot be replaced, and its real path is no path
+    target = Path(os.path.realpath(where))
+    if target.is_dir():
+        raise StorageError("is a folder", where=where, allowed="a file name")
+    if not target.parent.is_dir():
+        raise StorageError("no such folder", where=str(target.parent), allowed="an existing folder")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise StorageError("cannot be written (folder is closed to writing)", where=where, allowed="an open folder")
+    return target
+
+
 def write_bytes(content: bytes, path: str | os.PathLike[str]) -> None:
     """Write a file so that a reader sees the old content or the new, never a part.
 
@@ -85,16 +109,9 @@ def write_bytes(content: bytes, path: str | os.PathLike[str]) -> None:
         StorageError: the folder is missing or cannot be written.
     """
     where = os.fspath(path)
-    # A link keeps pointing where it did: what it points to is replaced, not the link. A pipe or /dev/stdout
-    # cannot be replaced, and its real path is no path.
-    is_special = os.path.exists(where) and not os.path.isfile(where) and not os.path.isdir(where)
-    target = Path(where) if is_special else Path(os.path.realpath(where))
-    if target.is_dir():
-        raise StorageError("is a folder", where=where, allowed="a file name")
-    if not target.parent.is_dir():
-        raise StorageError("no such folder", where=str(target.parent), allowed="an existing folder")
+    target = target_of(path)
     try:
-        if is_special:
+        if is_pipe_or_device(path):
             target.write_bytes(content)
             return
         temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")

@@ -65,12 +65,13 @@ def read_recording(
     if topics is not None:
         raise StorageError("topics are for rosbag2 folders", where=os.fspath(path), allowed="columns, rate")
     table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    header = table.cells(0) if columns is None else None
     if columns is None:
         table, found = _columns_of_header(table)
     else:
         table, found = _columns_as_told(table, columns)
-    _demand(found, ("voltage_v",), table.where, had_header=columns is None)
-    values = _fields(table, found, rate_hz)
+    _demand(found, ("voltage_v",), table.where, header)
+    values = _fields(table, found, rate_hz, header)
     return Recording(**values, name=Path(path).name)
 
 
@@ -81,9 +82,10 @@ def read_target(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDAr
         StorageError: whatever is wrong with the file, in one line.
     """
     table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    header = table.cells(0)
     table, found = _columns_of_header(table)
-    _demand(found, ("time_s", "desired_um"), table.where, had_header=True)
-    values = _fields(table, {name: found[name] for name in ("time_s", "desired_um")}, None)
+    _demand(found, ("time_s", "desired_um"), table.where, header)
+    values = _fields(table, {name: found[name] for name in ("time_s", "desired_um")}, None, header)
     if values["time_s"].size < 2:
         raise StorageError("too few rows", where=table.where, value=1, allowed="2 or more")
     return values["time_s"], values["desired_um"]
@@ -171,15 +173,18 @@ def _columns_as_told(table: TextTable, columns: Mapping[str, int | None]) -> tup
     return table, found
 
 
-def _demand(found: Mapping[str, int], needed: Sequence[str], where: str, *, had_header: bool) -> None:
+def _demand(found: Mapping[str, int], needed: Sequence[str], where: str, header: Sequence[str] | None) -> None:
     for name in needed:
         if name not in found:
-            quantity = name.rpartition("_")[0]
-            what = f"no column {name}" if had_header else f"columns does not say which is the {quantity}"
+            if header is not None:
+                raise StorageError(f"no column {name}", where=where, value=",".join(header), allowed=", ".join(needed))
+            what = f"columns does not say which is the {name.rpartition('_')[0]}"
             raise StorageError(what, where=where, value=sorted(found) or None, allowed=", ".join(needed))
 
 
-def _fields(table: TextTable, found: Mapping[str, int], rate_hz: float | None) -> dict[str, NDArray[np.float64]]:
+def _fields(
+    table: TextTable, found: Mapping[str, int], rate_hz: float | None, header: Sequence[str] | None
+) -> dict[str, NDArray[np.float64]]:
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise StorageError("rate must be positive", where=table.where, value=rate_hz, allowed="above 0 Hz")
     if "time_s" in found and rate_hz is not None:
@@ -193,7 +198,7 @@ def _fields(table: TextTable, found: Mapping[str, int], rate_hz: float | None) -
         raise StorageError(
             "no column time_s and no rate",
             where=table.where,
-            value=sorted(found) or None,
+            value=",".join(header) if header is not None else sorted(found) or None,
             allowed="a time column, or a rate in Hz (--rate)",
         )
     names = list(found)

@@ -113,7 +113,7 @@ def test_the_second_axis_goes_by_several_names(tmp_path: Path, voltage: str, mov
         ("# only a remark\n\n", "stage.csv: empty file"),
         ("time_s,voltage_v\n", "no rows below the header"),
         ("time_s,voltage_v\n0,1\n", "too few samples, got 1"),
-        ("time_s,displacement_um\n0,1\n1,2\n", "no column voltage_v, got ['displacement_um', 'time_s']"),
+        ("time_s,displacement_um\n0,1\n1,2\n", "no column voltage_v, got 'time_s,displacement_um'"),
         ("voltage_v,displacement_um\n0,1\n1,2\n", "no column time_s and no rate"),
         ("0.0,1.0\n0.1,1.1\n", "line 1: no header line naming the columns, got '0.0,1.0'"),
         ("time_s,voltage_v\n0,1\n1,x\n2,3\n", "line 3, column voltage_v: not a number, got 'x'"),
