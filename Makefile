@@ -40,7 +40,7 @@ study: $(DEV_STAMP)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
 
 lint: $(DEV_STAMP)
-	@$(BIN)/ruff check . && $(BIN)/mypy
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
 clean:
 	rm -rf $(VENV) build install log demo_output .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info

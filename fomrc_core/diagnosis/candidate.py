@@ -64,8 +64,10 @@ class Candidate:
 
     @property
     def total_gain(self) -> float:
-        """Held-out gain first, for a rich cause fits anything in training; training gain beside it, for with two
-        effects hidden neither alone need help held-out data."""
+        """Held-out gain, and for less the gain in training.
+
+        A rich cause fits anything in training; but with two effects hidden neither alone need help held-out data.
+        """
         return max(self.held_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
 
     @property

@@ -1,5 +1,4 @@
-"""How sure identified parameters are, which elements the data determine, and what to measure to learn the
-rest.
+"""How sure identified parameters are, which elements the data determine, what to measure for the rest.
 
 Moving-block bootstrap: what the model left over is cut into blocks, blocks are drawn at random and put
 behind the fitted response, and the parameters are refitted, linearised about the fit. Blocks keep what is

@@ -1,5 +1,4 @@
-"""The FOMRC model taken literally, (20)-(22): every element with its own charge, memory and, if wished,
-order.
+"""The FOMRC model taken literally, (20)-(22): every element with its own charge, memory and order.
 
 The paper goes on from it to the simplified (26), in which hysteresis and creep come one after the other:
 that is ``PiezoModel``. This one is an option for studies; docs/decisions/literal-or-simplified-model.md

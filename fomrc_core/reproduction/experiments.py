@@ -1,5 +1,4 @@
-"""The paper's experiments, each run on the simulated rig: what was measured, what the model says, how far
-apart.
+"""The paper's experiments, each run on the simulated rig: what was measured, and how far the model is from it.
 
 The paper's own numbers stand beside them as constants. Nothing measured by the paper is available, only
 what it

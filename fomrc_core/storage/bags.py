@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ _QUANTITIES: dict[str, tuple[str, str, float]] = {
     "cross_voltage": ("cross_voltage", "cross_voltage_v", 1.0),
     "cross_displacement": ("cross_displacement", "cross_displacement_um", _UM_PER_M),
 }
-_VALUE_OF_TYPE = {
+_VALUE_OF_TYPE: dict[str, Callable[[Any], float]] = {
     "std_msgs/msg/Float64": lambda message: message.data,
     "sensor_msgs/msg/JointState": lambda message: message.position[0],
     "sensor_msgs/msg/Temperature": lambda message: message.temperature,
@@ -118,7 +118,8 @@ def _reader_class(where: str) -> type[AnyReader]:
         raise StorageError(
             "rosbag2 folders need the package rosbags", where=where, allowed="pip install 'fomrc_ros[bags]'"
         ) from None
-    return AnyReader
+    reader_class: type[AnyReader] = AnyReader
+    return reader_class
 
 
 def _typestore() -> Any:

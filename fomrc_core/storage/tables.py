@@ -76,7 +76,7 @@ class TextTable:
             raise StorageError("no rows below the header", where=self.where, allowed="2 or more rows")
         self._refuse_ragged_rows()
         try:
-            values = np.loadtxt(
+            values: NDArray[np.float64] = np.loadtxt(
                 self.lines, delimiter=self.separator, usecols=columns, ndmin=2, comments=None, quotechar='"'
             ).T
         except ValueError:

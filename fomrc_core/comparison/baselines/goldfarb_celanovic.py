@@ -1,5 +1,4 @@
-"""The electromechanical model of Goldfarb and Celanovic 1997, equations (3)-(10): MRC, transformer and
-mechanics.
+"""The electromechanical model of Goldfarb and Celanovic 1997, (3)-(10): MRC, transformer and mechanics.
 
 As published: one transformer ratio for both ways (T_F = T_q), ideal capacitors, no creep. Voltage and
 displacement alone determine the elements and the mechanics, not the capacitance: what the mechanics give

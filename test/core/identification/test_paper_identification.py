@@ -30,7 +30,7 @@ def staircase(amplitude=2.5, step=0.25, hold=100):
 
 
 def test_elements_of_a_quadratic_rising_curve_are_those_of_29_and_30():
-    """u = x - 0.1 x^2 up to x = 2: slopes are known, so kappa and u_S are."""
+    """Of u = x - 0.1 x^2 up to x = 2: slopes are known, so kappa and u_S are."""
     x = np.linspace(0.0, 2.0, 400)
     kappa, saturation = elements_from_rising_curve(x - 0.1 * x**2, x, 4)
     # Slope 1 - 0.2 x at (j - 1/2) dx: falls by 0.1 from one element to the next, the last by half of that.
