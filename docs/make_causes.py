@@ -30,15 +30,16 @@ _STAGES = {
 
 def text() -> str:
     """Return the page."""
-    from fomrc_core.effects import effect_classes
+    from fomrc_core.effects import Effect
+    from fomrc_core.model.causes import cause_classes
 
-    kinds = effect_classes()
+    kinds = cause_classes()
     parts = [_INTRODUCTION, "| cause | where in the chain | main parameter | inverted |", "|---|---|---|---|"]
     for name, kind in kinds.items():
         unit = next(spec.unit for spec in kind.parameters if spec.name == kind.main_parameter)
+        where = _STAGES[kind.stage.name if issubclass(kind, Effect) else "START"]
         parts.append(
-            f"| [{name}](#{name}) | {_STAGES[kind.stage.name]} | `{kind.main_parameter}` [{unit}] | "
-            f"{'yes' if kind.can_invert else 'no'} |"
+            f"| [{name}](#{name}) | {where} | `{kind.main_parameter}` [{unit}] | {'yes' if kind.can_invert else 'no'} |"
         )
     for name, kind in kinds.items():
         parts += [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.effects import Stage
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState
+from fomrc_core.model.state import ModelState
 from fomrc_core.operators.creep import PREVIOUS, mode_states
 from fomrc_core.operators.hysteresis import play_states
 
@@ -86,6 +86,7 @@ def carried(old: Compensator, new: Compensator, memory: ActuatorMemory) -> Actua
         if name in state.effects and state.effects[name].shape == values.shape:
             state.effects[name][:] = values
     state.last_input, state.bend = memory.state.last_input, memory.state.bend
+    state.last_voltage_v = memory.state.last_voltage_v
     return ActuatorMemory(state, memory.turning_points.copy())
 
 

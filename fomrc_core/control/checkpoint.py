@@ -25,7 +25,8 @@ from fomrc_core.control.actuator_memory import ActuatorMemory, aging_steps, carr
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.state import ModelState
 from fomrc_core.storage.atomic import write_bytes
 
 FORMAT = "fomrc compensator checkpoint 1"

@@ -14,11 +14,13 @@ from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned, st
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined
 from fomrc_core.diagnosis.screening import HeldView, Screened
-from fomrc_core.effects import effect_classes
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.fitting.base_fit import Tangent, rebased, squared_error
-from fomrc_core.fitting.joint_fit import Refit, free_parameters, refit
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.base_fit import rebased
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.free_parameters import free_parameters
+from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.linear_part import Tangent, squared_error
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import autocorrelation_inflation
 
@@ -107,7 +109,7 @@ def candidates_for(
     by_cause: dict[str, list[Screened]] = {}
     for trial in screened:
         if trial.explained > limit or trial.explained_held > held_limit:
-            by_cause.setdefault(trial.cause, []).append(trial)
+            by_cause.setdefault(trial.name, []).append(trial)
     if not by_cause:
         return []
     likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
@@ -125,7 +127,7 @@ def candidates_for(
             )
         )
     # a scan takes longest: begun last it would be waited for
-    likely.sort(key=lambda name: not effect_classes()[name].is_scanned)
+    likely.sort(key=lambda name: not cause_classes()[name].is_scanned)
     tasks = [(chain, split, space, by_cause[name], error) for name in likely]
     run = map if executor is None else executor.map
     found = [c for c in run(_fit_candidate, tasks) if c is not None]
@@ -146,10 +148,10 @@ def held_view(chain: TrialModel, split: DataSplit) -> HeldView | None:
 
 def _fit_candidate(task: tuple[TrialModel, DataSplit, Tangent, list[Screened], float]) -> Candidate | None:
     chain, split, space, trials, error = task
-    cause = trials[0].cause
-    kind = effect_classes()[cause]
-    bound = trials[0].effect.belongs_to_record()
-    trials = [trial for trial in trials if trial.effect.belongs_to_record() == bound]
+    cause = trials[0].name
+    kind = cause_classes()[cause]
+    bound = trials[0].cause.belongs_to_record()
+    trials = [trial for trial in trials if trial.cause.belongs_to_record() == bound]
     fits: list[Refit] = []
     for variant, directions in start_variants(chain, split, space):
         starts = fit_starts(variant, trials, bound, split, directions)
@@ -167,19 +169,19 @@ def _fit_candidate(task: tuple[TrialModel, DataSplit, Tangent, list[Screened], f
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
         return None
     # as many more weights must earn their keep
-    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.has_knees > chain.has_knees else 1.0))
+    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.n_owned > chain.n_owned else 1.0))
     # the forms of what befell single records differ little until the base no longer bends to it
     ways = fits if bound else [best]
     best = min((_followed(way, split, error) for way in ways), key=lambda f: f.squared_error)
     before, after = _held_pair(chain, best, split, cause, bound)
     n_free = len(free_parameters(best.chain)) - len(free_parameters(chain))
     longest = max(float(record.time_s[-1]) for record in split.train)
-    own = [e for part in best.chain.record_effects[: len(split.train)] for e in part]
-    is_plausible = all(e.is_plausible(longest) for e in (*best.chain.effects, *own))
+    acting = (c for at, c in best.chain.found() if at is None or at < len(split.train))
+    is_plausible = all(c.is_plausible(longest) for c in acting)
     is_plausible = is_plausible and (not bound or _is_confirmed(best, split, cause))
     train_gain = math.log(error / best.squared_error)
     score = held_out_score(before, after)
-    is_distinguishable = kind is not AsymmetricHysteresis or split.is_telling
+    is_distinguishable = not kind.needs_many_loops or split.is_telling
     return Candidate(cause, best, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
 
 
@@ -195,11 +197,11 @@ def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:
     """Return whether some record shows what the effect must show there."""
     without = fitted.chain.without(cause)
     for index, record in enumerate(split.train):
-        effect = next((e for e in fitted.chain.record_effects[index] if e.name == cause), None)
-        if effect is None:
+        found = next((c for _, c in fitted.chain.found(index) if c.name == cause), None)
+        if found is None:
             continue
         left = record.measured_um - predict(without, record, index)
-        if effect.is_confirmed(record.time_s, record.voltage_v, left):
+        if found.is_confirmed(record.time_s, record.voltage_v, left):
             return True
     return False
 
@@ -210,9 +212,7 @@ def _held_pair(
     if not bound:
         return held_residuals(chain, split.held), held_residuals(fitted.chain, split.held)
     # An effect of one record cannot be held out by another record: hold out blocks of the same one.
-    indices = [
-        i for i, own in enumerate(fitted.chain.record_effects[: len(split.train)]) if any(e.name == cause for e in own)
-    ]
+    indices = [i for i in range(len(split.train)) if fitted.chain.has(cause, i)]
     learned = tuple(r.using(r.is_used & learned_blocks(r.time_s.size)) for r in split.train)
     blocked = refit(fitted.chain, learned, n_iterations=4)
     base = refit(chain, learned, n_iterations=2)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.effects import Effect
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import centred
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import centred
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.drive import (
     MANY_LOOPS,
     begins_at_zero,
@@ -102,23 +101,12 @@ def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     for part in held:
         options = [chain]
         if not begins_at_zero(part.record.voltage_v) and part.index < len(chain.record_effects):
-            own = chain.record_effects[part.index]
-            if not any(isinstance(e, InitialState) and e.free_names() for e in own):
-                others = tuple(e for e in own if not isinstance(e, InitialState))
-                options = [
-                    with_own(chain, part.index, others),
-                    with_own(chain, part.index, (*others, part.record.at_rest())),
-                ]
+            start = chain.start_of(part.index)
+            if start is None or start.is_plain_rest:
+                options = [chain.with_start(part.index, start) for start in (None, part.record.at_rest())]
         residuals = []
         for option in options:
             raw = part.record.measured_um - predict(option, part.record, part.index)
             residuals.append(centred(raw, part.record.is_used)[part.record.is_used])
         found.append(min(residuals, key=rms))
     return found
-
-
-def with_own(chain: TrialModel, index: int, effects: tuple[Effect, ...]) -> TrialModel:
-    """Return the chain with the effects of one record replaced."""
-    own = list(chain.record_effects)
-    own[index] = effects
-    return replace(chain, record_effects=tuple(own))

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import loses_to
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import Refit
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.noise import autocorrelation_inflation
 
 SURE = 10.0  # difference in log likelihood that settles it
@@ -38,7 +39,7 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
     after a poor one, so that the two gains are weighed against each other.
     """
     for other in candidates:
-        if other is winner or other.is_bound or other.cause == AsymmetricHysteresis.name:
+        if other is winner or other.is_bound or not cause_classes()[other.cause].is_exchangeable:
             continue
         learnt = other.train_log_gain - winner.train_log_gain
         lost = winner.held_gain - other.held_gain

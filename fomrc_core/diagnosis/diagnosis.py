@@ -23,19 +23,14 @@ from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detecta
 from fomrc_core.diagnosis.missing_elements import coarse_chain, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.search import SearchResult, Step, search
-from fomrc_core.effects import effect_classes
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import (
-    centred,
-    choose_starts,
-    fit_base,
-    rebased,
-    residuals,
-    threshold_grid,
-)
+from fomrc_core.fitting.base_fit import choose_starts, fit_base, rebased, threshold_grid
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.linear_part import centred, residuals
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.drive import longest_sweep
 from fomrc_core.records.noise import NoiseFloor, noise_floor
@@ -173,23 +168,24 @@ def diagnose(
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     check_usable([r for r in (*given, test, report) if r is not None])
     for name in excluded_causes:
-        if name not in effect_classes():
+        if name not in cause_classes():
             raise ParameterError(
-                "unknown cause", where="excluded_causes", value=name, allowed=", ".join(effect_classes())
+                "unknown cause", where="excluded_causes", value=name, allowed=", ".join(cause_classes())
             )
-    causes = tuple(name for name in effect_classes() if name not in excluded_causes and name != "missing_hysteresis")
+    wanted = {name: kind for name, kind in cause_classes().items() if name not in excluded_causes}
+    causes = tuple(name for name, kind in wanted.items() if not kind.adds_elements)
     tell(0.02, "noise floor")
     noise = noise_floor(given)
     split = split_data(given, test, report, noise.floor_um)
     tell(0.05, "base model")
     base = _base(split, N_THRESHOLDS)
     found = search(base, split, causes, tell, executor)
-    is_allowed = "missing_hysteresis" not in excluded_causes
+    elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
     coarse = coarse_chain(model, split) if model is not None else None
     first: Step | None = None
     tell(0.96, "number of elements")
-    if coarse is not None and is_allowed:
-        first = missing_step(coarse, base, found.chain, split, len(effect_classes()))
+    if coarse is not None and elements is not None:
+        first = missing_step(elements, coarse, base, found.chain, split, len(cause_classes()))
     return _result(split, noise, base if first is None else coarse or base, found, first, tell)
 
 
@@ -197,8 +193,8 @@ def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
     columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
     chain, _, _ = fit_base(split.train, columns, choose_starts(split.train))
     n_grid = min(max(longest_sweep([r.voltage_v for r in split.train]), n_thresholds), N_GRID)
-    extra = tuple(() for _ in range(split.n_records - len(split.train)))
-    chain = replace(chain, record_effects=(*chain.record_effects, *extra), grid_v=threshold_grid(split.train, n_grid))
+    nothing = tuple(() for _ in range(split.n_records))
+    chain = replace(chain, record_effects=nothing, grid_v=threshold_grid(split.train, n_grid))
     return refit(rebased(chain, split.train), split.train, n_iterations=3).chain
 
 
@@ -268,11 +264,8 @@ def _views(
 
 
 def _best_start(chain: TrialModel, record: FitRecord, index: int) -> Array:
-    if index < len(chain.record_effects) and not chain.record_effects[index] and record.voltage_v[0] != 0.0:
-        own = list(chain.record_effects)
-        own[index] = (record.at_rest(),)
-        options = [chain, replace(chain, record_effects=tuple(own))]
-    else:
-        options = [chain]
+    options = [chain]
+    if index < len(chain.record_effects) and not chain.causes_in(index) and record.voltage_v[0] != 0.0:
+        options.append(chain.with_start(index, record.at_rest()))
     found = [centred(record.measured_um - predict(o, record, index), record.is_used) for o in options]
     return min(found, key=lambda r: rms(r[record.is_used]))

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from fomrc_core.compute.least_squares import product, signed_weights
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.effects import Effect
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import centred, record_columns
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.linear_part import centred, record_columns
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ def extend(chain: TrialModel, split: DataSplit) -> Extension:
     The weights a search fits may be of either sign; here they are fitted once more, non-negative, with all else
     as found.
     """
-    plain = ~np.isfinite(chain.columns.knees_v)
+    plain = chain.columns.is_plain
     n = chain.weights.size
     gram, moment = np.zeros((n, n)), np.zeros(n)
     for index, record in enumerate(split.train):
@@ -53,24 +54,19 @@ def extend(chain: TrialModel, split: DataSplit) -> Extension:
         # without an instantaneous part there is no inverse
         weights[is_slope] = 1e-6 * float(np.sum(weights[plain]))
     kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
-    columns_kept = replace(
-        chain.columns,
-        thresholds_v=thresholds[kept],
-        knees_v=chain.columns.knees_v[kept],
-        kinds=chain.columns.kinds[kept],
-    )
-    final = replace(chain, columns=columns_kept, weights=weights[kept])
+    final = replace(chain, columns=chain.columns.chosen(kept), weights=weights[kept])
     operator: OperatorSum = final.operator()
-    effects = [*final.actuator_effects(), *_own_effects(final, len(split.train))]
-    model = PiezoModel(*elements_from_play_form(operator), final.creep_order, tuple(effects))
+    of_records = _first_of_records(final, len(split.train)).values()
+    effects = (*final.actuator_effects(), *(c for c in of_records if isinstance(c, Effect)))
+    start = next((c for c in of_records if isinstance(c, Prehistory)), None)
+    model = PiezoModel(*elements_from_play_form(operator), final.creep_order, effects, start)
     return Extension(model, final)
 
 
-def _own_effects(chain: TrialModel, n_train: int) -> list[Effect]:
-    """Return the effects of single records, each as first found; a plain rest is no effect."""
-    found: dict[str, Effect] = {}
-    for own in chain.record_effects[:n_train]:
-        for effect in own:
-            if not (isinstance(effect, InitialState) and not effect.free_names()):
-                found.setdefault(effect.name, effect)
-    return list(found.values())
+def _first_of_records(chain: TrialModel, n_train: int) -> dict[str, Cause]:
+    """Return the causes that belong to single records, each as first found."""
+    first: dict[str, Cause] = {}
+    for index in range(n_train):
+        for _, cause in chain.found(index):
+            first.setdefault(cause.name, cause)
+    return first

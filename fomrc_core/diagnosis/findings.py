@@ -12,9 +12,10 @@ from fomrc_core.diagnosis.decision import residual_inflation
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.search import Step
-from fomrc_core.effects import Effect, effect_classes
+from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.residual import rms
 
 Values = Mapping[str, float | list[float]]
@@ -57,7 +58,7 @@ class Finding:
                 shown.append(f"{name}: {len(value)} values")
                 continue
             error = self.standard_errors.get(name)
-            if error is None and value == getattr(effect_classes()[self.cause], name, None):
+            if error is None and value == getattr(cause_classes()[self.cause], name, None):
                 continue  # a part of the effect that is not in use
             shown.append(f"{name} {value:.5g}" + (f" +- {error:.2g}" if error is not None else ""))
         return (
@@ -88,11 +89,12 @@ def findings_of(
     found = []
     for step, after_chain in zip(steps, chains, strict=True):
         cause = step.accepted.cause
-        kind = effect_classes()[cause]
+        kind = cause_classes()[cause]
         before = 100.0 * rms(np.concatenate(held_residuals(step.before, split.report))) / span
         after = 100.0 * rms(np.concatenate(held_residuals(after_chain, split.report))) / span
-        effect, index = _find(final_chain, cause)
-        parameters: Values = {"n_elements": float(n_elements)} if effect is None else effect.to_mapping()
+        acting, index = _find(final_chain, cause)
+        # what has been folded into the elements shows in their number
+        parameters: Values = {kind.main_parameter: float(n_elements)} if acting is None else acting.to_mapping()
         own_errors = {name: value for (owner, at, name), value in errors.items() if owner == cause and at == index}
         score = step.accepted.score
         where = "" if index is None else f" in {split.train[index].recording.name}"
@@ -117,17 +119,12 @@ def findings_of(
     return tuple(found)
 
 
-def _find(chain: TrialModel, cause: str) -> tuple[Effect | None, int | None]:
-    if cause == "asymmetric_hysteresis" and chain.has_knees:
-        return chain.asymmetry(), None
-    for effect in chain.effects:
-        if effect.name == cause:
-            return effect, None
-    for index, own in enumerate(chain.record_effects):
-        for effect in own:
-            if effect.name == cause:
-                return effect, index
-    return None, None
+def _find(chain: TrialModel, name: str) -> tuple[Cause | None, int | None]:
+    """Return a cause with its plays and the record it belongs to, the first of them; None where it does not act."""
+    of_actuator = ((None, effect) for effect in chain.actuator_effects())
+    of_records = ((index, cause) for index, cause in chain.found() if index is not None)
+    found = ((cause, index) for index, cause in (*of_actuator, *of_records) if cause.name == name)
+    return next(found, (None, None))
 
 
 def smallest_detectable(screened: tuple[Screened, ...], split: DataSplit) -> dict[str, dict[str, float]]:
@@ -139,16 +136,14 @@ def smallest_detectable(screened: tuple[Screened, ...], split: DataSplit) -> dic
     needed = split.n_used * split.noise_um**2 * (np.exp(WORTHWHILE_LOG_GAIN) - 1.0)
     best: dict[str, tuple[float, dict[str, float]]] = {}
     for trial in screened:
-        kind = type(trial.effect)
-        value = getattr(trial.effect, kind.main_parameter)
-        if not isinstance(value, float) or value == 0.0 or trial.signature_power <= 0.0 or kind.name == "initial_state":
-            continue
-        if kind.name in ("amplifier_saturation", "mains_hum", "dac_quantization"):
+        if trial.signature_power <= 0.0:
             continue
         factor = float(np.sqrt(needed / trial.signature_power))
+        size = trial.cause.smallest_detectable(factor)
         distance = abs(np.log(factor))
-        if kind.name not in best or distance < best[kind.name][0]:
-            best[kind.name] = (distance, {kind.main_parameter: abs(value) * factor**kind.size_exponent})
+        if size and (trial.name not in best or distance < best[trial.name][0]):
+            best[trial.name] = (distance, size)
     found = {name: size for name, (_, size) in best.items()}
-    found["mains_hum"] = {"amplitude_um": float(np.sqrt(2.0 * needed / split.n_used))}
-    return found
+    rms_um = float(np.sqrt(needed / split.n_used))
+    by_rms = {name: kind.smallest_detectable_of_rms(rms_um) for name, kind in cause_classes().items()}
+    return found | {name: size for name, size in by_rms.items() if size}

@@ -7,15 +7,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.data_split import DataSplit, with_own
-from fomrc_core.diagnosis.prehistory_search import with_searched_past
-from fomrc_core.diagnosis.screening import Screened, family_columns
+from fomrc_core.diagnosis.data_split import DataSplit
+from fomrc_core.diagnosis.prehistory_search import way_v, with_searched_past
+from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.effects import Effect
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import Tangent, residuals, squared_error, tangent
-from fomrc_core.fitting.joint_fit import FreeParameter, scan
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.free_parameters import FreeParameter
+from fomrc_core.fitting.joint_fit import scan
+from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error, tangent
+from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.drive import begins_at_zero
 
 Array = NDArray[np.float64]
@@ -40,14 +42,15 @@ def fit_starts(
         split: records.
         space: tangent of the chain's linear part.
     """
-    if isinstance(trials[0].effect, AsymmetricHysteresis):
-        return _asymmetric_starts(chain, trials)
+    first = trials[0].cause
+    if isinstance(first, Effect) and first.owns_columns:
+        return _starts_with_columns(chain, trials)
     if bound:
         return [_joined(chain, group, split, space) for group in _groups(trials)]
-    if type(trials[0].effect).is_scanned:
-        return [chain.with_effect(trial.effect) for trial in trials[:2]]
+    if first.is_scanned:
+        return [chain.with_cause(trial.cause) for trial in trials[:2]]
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
-    options = [chain.with_effect(sized(trial)) for trial in trials[:_MAX_STARTS]]
+    options = [chain.with_cause(sized(trial)) for trial in trials[:_MAX_STARTS]]
     best = sorted(options[1:], key=lambda option: clear_error(option, split, space))[:2]
     return [options[0], *best]
 
@@ -57,27 +60,21 @@ def _groups(trials: list[Screened]) -> list[list[Screened]]:
 
     Beyond the range of the drive an excursion of any size is the same past: a fit that gets there stays there.
     """
-    farthest_v = max(_way_v(trial) for trial in trials)
+    farthest_v = max(way_v(trial.cause) for trial in trials)
     groups: dict[tuple[tuple[str, ...], bool], list[Screened]] = {}
     for trial in trials:
-        is_far = _way_v(trial) > 0.5 * farthest_v
-        groups.setdefault((trial.effect.free_names(), is_far), []).append(trial)
+        is_far = way_v(trial.cause) > 0.5 * farthest_v
+        groups.setdefault((trial.cause.free_names(), is_far), []).append(trial)
     for group in groups.values():
         seen = {trial.index for trial in group}
         group += [trial for trial in trials if trial.index not in seen]
     return list(groups.values())
 
 
-def _way_v(trial: Screened) -> float:
-    past = trial.effect
-    return abs(past.extreme_v - past.resting_v) if isinstance(past, InitialState) else 0.0
-
-
 def _joined(chain: TrialModel, trials: list[Screened], split: DataSplit, space: Tangent) -> TrialModel:
     """Return the chain with the best trial of every record."""
     for index in sorted({trial.index for trial in trials if trial.index is not None}):
-        here = [t.effect for t in trials if t.index == index]
-        pasts = [effect for effect in here if isinstance(effect, InitialState)]
+        pasts = [t.cause for t in trials if t.index == index and isinstance(t.cause, Prehistory)]
         if pasts:
             chain = with_searched_past(chain, index, pasts, lambda c: clear_error(c, split, space))
             continue
@@ -91,7 +88,7 @@ def _resized(
     chain: TrialModel, trial: Screened, plain: tuple[Array, ...], split: DataSplit, space: Tangent
 ) -> tuple[float, TrialModel]:
     """Return the error of a trial of one record beside what was joined before it, sized to that, and the chain."""
-    option = chain.with_effect(sized(trial), trial.index)
+    option = chain.with_cause(sized(trial), trial.index)
     left = space.remove(split.train, residuals(option, split.train))
     gain = power = 0.0
     for record, before, after in zip(split.train, plain, left, strict=True):
@@ -102,40 +99,37 @@ def _resized(
     if not power > 0.0 or not gain > 0.0:
         return error, option
     again = replace(trial, amplitude=trial.amplitude * gain / power)
-    return squared_error(split.train, plain) - gain**2 / power, chain.with_effect(sized(again), trial.index)
+    return squared_error(split.train, plain) - gain**2 / power, chain.with_cause(sized(again), trial.index)
 
 
-def _asymmetric_starts(chain: TrialModel, trials: list[Screened]) -> list[TrialModel]:
-    """Return a warp of the drive alone, and the whole family of one-sided plays with a warp."""
-    warped = chain.with_effect(AsymmetricHysteresis(warp_per_v=1e-9, warp_per_v2=1e-9))
-    family = next(
-        (t.effect for t in trials if isinstance(t.effect, AsymmetricHysteresis) and t.effect.thresholds_v), None
-    )
+def _starts_with_columns(chain: TrialModel, trials: list[Screened]) -> list[TrialModel]:
+    """Return the effect without its plays, and with the whole family of them as columns beside those of the chain."""
+    family = next((t for t in trials if isinstance(t.cause, Effect) and ColumnKinds.plays_of(t.cause).owners), None)
     if family is None:
-        return [warped]
-    assert isinstance(family, AsymmetricHysteresis)
-    columns = family_columns(chain, family)
+        return [chain.with_cause(sized(trials[0]))]
+    assert isinstance(family.cause, Effect)
+    nothing = np.zeros(0)
+    bare = chain.with_cause(family.cause.with_plays(nothing, nothing, nothing))
+    columns = chain.columns.joined(ColumnKinds.plays_of(family.cause))
     added = columns.thresholds_v.size - chain.weights.size
-    full = replace(warped, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))
-    return [warped, full]
+    return [bare, replace(bare, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))]
 
 
 def scanned(start: TrialModel, split: DataSplit, space: Tangent, trial: Screened) -> TrialModel:
     """Return the start with the effect's main parameter scanned about its value."""
-    spec = next(p for p in trial.effect.parameters if p.name == trial.effect.main_parameter)
-    return scan(start, split.train, space, FreeParameter(trial.cause, trial.index, spec, 1.0))
+    spec = trial.cause.parameter(trial.cause.main_parameter)
+    return scan(start, split.train, space, FreeParameter(trial.name, trial.index, spec, 1.0))
 
 
-def sized(trial: Screened) -> Effect:
+def sized(trial: Screened) -> Cause:
     """Return the instance with its linear parameters scaled as the screening found."""
-    effect = trial.effect
     changes = {}
-    for name in effect.linear_parameters:
-        value = getattr(effect, name)
+    for name in trial.cause.linear_parameters:
+        value = getattr(trial.cause, name)
         if isinstance(value, float) and value != 0.0:
-            spec = next(s for s in effect.parameters if s.name == name)
+            spec = trial.cause.parameter(name)
             changes[name] = min(max(value * trial.amplitude, spec.lower), spec.upper)
-    return replace(effect, **changes) if changes else effect
+    return replace(trial.cause, **changes) if changes else trial.cause
 
 
 def start_variants(chain: TrialModel, split: DataSplit, space: Tangent) -> list[tuple[TrialModel, Tangent]]:
@@ -143,9 +137,8 @@ def start_variants(chain: TrialModel, split: DataSplit, space: Tangent) -> list[
     unsure = [i for i, r in enumerate(split.train) if not begins_at_zero(r.voltage_v)]
     flipped = chain
     for i in unsure:
-        own = flipped.record_effects[i]
-        if any(isinstance(e, InitialState) and e.free_names() for e in own):
+        start = chain.start_of(i)
+        if start is not None and not start.is_plain_rest:
             return [(chain, space)]
-        others = tuple(e for e in own if not isinstance(e, InitialState))
-        flipped = with_own(flipped, i, others if len(others) < len(own) else (*others, split.train[i].at_rest()))
+        flipped = flipped.with_start(i, split.train[i].at_rest() if start is None else None)
     return [(chain, space)] + ([(flipped, tangent(flipped, split.train))] if unsure else [])

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import product
-from fomrc_core.fitting.base_fit import tangent
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import tangent
+from fomrc_core.fitting.trial_model import TrialModel
 
 _LARGEST = 10.0  # times its mean over the learned samples, number of columns over number of samples
 _RIDGE = 1e-9

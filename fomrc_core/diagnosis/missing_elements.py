@@ -1,4 +1,4 @@
-"""Whether a given model has too few Maxwell elements: the cause missing_hysteresis, tested apart from the others."""
+"""Whether a given model has too few Maxwell elements: a cause of its own, tested apart from the others."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.search import Candidate, Step
-from fomrc_core.fitting.base_fit import residuals, squared_error
 from fomrc_core.fitting.element_fit import polish
 from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.piezo_model import PiezoModel
@@ -22,7 +22,7 @@ _SIGNIFICANCE = 0.01
 
 def coarse_chain(model: PiezoModel, split: DataSplit) -> TrialModel:
     """Return the given model's structure fitted to the training records: its number of elements, freely placed."""
-    starts = tuple(() for _ in split.train)
+    starts = tuple(None for _ in split.train)
     best = polish(model.play_form, model.creep_order, split.train, starts)
     thresholds = np.concatenate(([0.0], best.form.thresholds))
     weights = np.concatenate(([best.form.slope], best.form.weights))
@@ -31,13 +31,21 @@ def coarse_chain(model: PiezoModel, split: DataSplit) -> TrialModel:
 
 
 def missing_step(
-    coarse: TrialModel, base: TrialModel, final: TrialModel, split: DataSplit, n_causes: int
+    name: str, coarse: TrialModel, base: TrialModel, final: TrialModel, split: DataSplit, n_causes: int
 ) -> Step | None:
-    """Return the acceptance of missing_hysteresis, or None where the coarse elements do with the effects found.
+    """Return the acceptance of further elements as a cause, or None where the coarse ones do with the effects found.
 
     Tested beside the effects that were found, so that what an effect explains is not blamed on the elements.
+
+    Args:
+        name: of the cause.
+        coarse: the given elements, fitted.
+        base: fine elements, fitted.
+        final: the model with what the search found.
+        split: records.
+        n_causes: number of causes tried in all.
     """
-    with_effects = replace(coarse, effects=final.effects, record_effects=final.record_effects)
+    with_effects = replace(coarse, effects=final.effects, record_effects=final.record_effects, starts=final.starts)
     lesser = refit(with_effects, split.train).chain
     score = held_out_score(held_residuals(lesser, split.held), held_residuals(final, split.held))
     if not (score.is_worthwhile() and score.p_value < _SIGNIFICANCE / n_causes):
@@ -49,7 +57,7 @@ def missing_step(
     fitted = Refit(base, after, (), directions, left, True)
     quoted = held_out_score(held_residuals(coarse, split.held), held_residuals(base, split.held))
     gained = Candidate(
-        "missing_hysteresis",
+        name,
         fitted,
         replace(quoted, p_value=score.p_value),
         math.log(before / after),

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.search import Candidate, Step
-from fomrc_core.effects import effect_classes
-from fomrc_core.fitting.base_fit import tangent
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import tangent
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.excitation import Excitation, multisine, steps, triangle
 from fomrc_core.records.recording import Recording
@@ -127,10 +128,10 @@ def propose(
             "drive faster and further to lower it"
         )
     if status == "explained":
-        present = [effect.name for effect in model.effects]
-        experiment = effect_classes()[present[-1]].experiment if present else "the same drive again on another day"
+        present = model.causes
+        experiment = present[-1].experiment if present else "the same drive again on another day"
         return f"to confirm: {experiment}"
     if runner_up is not None:
-        kind = effect_classes()[runner_up.cause]
+        kind = cause_classes()[runner_up.cause]
         return f"what is left looks most like {runner_up.cause}, which this data does not settle: {kind.experiment}"
     return "what is left resembles no cause known here: repeat the record, and record temperature and the second axis"

@@ -11,10 +11,12 @@ from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.screening import screen
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import Tangent, residuals, squared_error, tangent
-from fomrc_core.fitting.joint_fit import Refit, fit_until_still, free_parameters, refit
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.free_parameters import free_parameters
+from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error, tangent
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.drive import learned_blocks
 
 _MAX_TRIALS = 12
@@ -26,12 +28,7 @@ def follow_held(chain: TrialModel, split: DataSplit) -> TrialModel:
 
     The actuator's own parameters stay; phase of a hum or time of a load must be that of the record.
     """
-    kinds = {
-        e.name
-        for own in chain.record_effects[: len(split.train)]
-        for e in own
-        if not (isinstance(e, InitialState) and not e.free_names())
-    }
+    kinds = {cause.name for index in range(len(split.train)) for _, cause in chain.found(index)}
     if not kinds:
         return chain
     for part in {h.index: h for h in (*split.held, *split.report)}.values():
@@ -51,11 +48,9 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
         return final
     chain = final.chain
     for index, record in enumerate(split.train):
-        if any(e.name == cause for e in chain.record_effects[index]):
-            now = replace(chain, record_effects=(chain.record_effects[index],))
+        if chain.has(cause, index):
             anew = fit_one_record(chain.without(cause, index), record, index, {cause})
-            other = replace(anew, record_effects=(anew.record_effects[index],))
-            if _error(other, record) < _error(now, record):
+            if _error(anew.alone(index), record) < _error(chain.alone(index), record):
                 chain = anew
     if chain is final.chain:
         return final
@@ -65,7 +60,7 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
 
 def fit_one_record(chain: TrialModel, record: FitRecord, index: int, kinds: set[str]) -> TrialModel:
     """Return the chain with the record-bound effects of these kinds fitted to one record, all else held."""
-    alone = replace(chain, record_effects=(chain.record_effects[index],))
+    alone = chain.alone(index)
     still = tangent(alone, (record,))
     frozen = Tangent(tuple(np.zeros((c.shape[0], 1)) for c in still.columns), np.zeros((1, 1)))
     for name in sorted(kinds):
@@ -73,26 +68,24 @@ def fit_one_record(chain: TrialModel, record: FitRecord, index: int, kinds: set[
         trials = [s for s in screen(alone, (record,), frozen, left, 0.0, (name,)) if s.explained > 0.0]
         if not trials:
             continue
-        pasts = [t.effect for t in trials if isinstance(t.effect, InitialState)]
+        pasts = [t.cause for t in trials if isinstance(t.cause, Prehistory)]
         if pasts:
             pasts += _others(chain, index, pasts[0].resting_v)
             start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
             alone = min((alone, _refit_own(start, record)), key=lambda option: _error(option, record))
             continue
         # a signature is the effect's slope; how well an instance of full size does only its simulation tells
-        options = [alone.with_effect(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
+        options = [alone.with_cause(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
         options.sort(key=lambda option: _error(option, record))
         fits = [_refit_own(option, record) for option in options[:_MAX_STARTS]]
         alone = min((alone, *fits), key=lambda option: _error(option, record))
-    own = list(chain.record_effects)
-    own[index] = alone.record_effects[0]
-    return replace(chain, record_effects=tuple(own))
+    return chain.with_record_of(alone, index)
 
 
-def _others(chain: TrialModel, index: int, resting_v: float) -> list[InitialState]:
+def _others(chain: TrialModel, index: int, resting_v: float) -> list[Prehistory]:
     """Return the pasts of the other records: who measures does the same before each."""
-    own = [e for i, effects in enumerate(chain.record_effects) if i != index for e in effects]
-    return [replace(e, resting_v=resting_v) for e in own if isinstance(e, InitialState) and e.free_names()]
+    others = [start for i, start in enumerate(chain.starts) if i != index and start is not None]
+    return [replace(start, resting_v=resting_v) for start in others if not start.is_plain_rest]
 
 
 def _error(chain: TrialModel, record: FitRecord) -> float:

@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import whitening_of
-from fomrc_core.effects import Effect, Stage, effect_classes
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects import Effect, Stage
+from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
-from fomrc_core.effects.missing_hysteresis import MissingHysteresis
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import Tangent, centred, record_columns, squared_error, tangent
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import Tangent, centred, record_columns, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.causes import cause_classes
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class Screened:
     """A trial instance and how much of the residual its signature explains.
 
     Attributes:
-        effect: the instance; for asymmetric hysteresis the family of one-sided plays.
+        cause: the instance; for an effect that owns columns the whole family of its plays.
         index: the record it belongs to; None for an effect of the actuator.
         explained: part of the sum of squares its signature explains [um^2].
         signature_power: sum of squares of the signature, linear part removed [um^2].
@@ -41,7 +42,7 @@ class Screened:
             records ask; 0 without one. What the base absorbed in training shows there.
     """
 
-    effect: Effect
+    cause: Cause
     index: int | None
     explained: float
     signature_power: float
@@ -49,9 +50,9 @@ class Screened:
     explained_held: float = 0.0
 
     @property
-    def cause(self) -> str:
+    def name(self) -> str:
         """Name of the cause."""
-        return self.effect.name
+        return self.cause.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,17 +76,16 @@ class HeldView:
     @classmethod
     def of(cls, chain: TrialModel, record: FitRecord, index: int) -> HeldView:
         """Return the view of a record."""
-        alone = replace(chain, record_effects=(chain.record_effects[index],))
-        columns = tangent(alone, (record,)).columns[0]
+        columns = tangent(chain.alone(index), (record,)).columns[0]
         plain = predict(chain, record, index, is_coarse=True)
         return cls(
             record, index, plain, columns, centred(record.measured_um - predict(chain, record, index), record.is_used)
         )
 
-    def explained(self, chain: TrialModel, effect: Effect, coefficients: Array, takes_either_sign: bool) -> float:
+    def explained(self, chain: TrialModel, cause: Cause, coefficients: Array, takes_either_sign: bool) -> float:
         """Return what the instance explains of the residual here [um^2], the linear part moved as in training."""
         try:
-            shape = centred(signature(chain, self.record, self.index, effect, self.plain), self.record.is_used)
+            shape = centred(signature(chain, self.record, self.index, cause, self.plain), self.record.is_used)
         except ParameterError:
             return 0.0
         shape = (shape - self.columns @ coefficients)[self.record.is_used]
@@ -107,8 +107,7 @@ def evidence_of(
                 r.voltage_v,
                 predict(chain, r, i, is_coarse=True),
                 residual,
-                r.recording.temperature_c is not None,
-                r.cross is not None,
+                r.covariates,
             )
             for i, (r, residual) in enumerate(zip(records, left, strict=True))
         ),
@@ -144,32 +143,32 @@ def screen(
 
     def of_cause(name: str) -> list[Screened]:
         found: list[Screened] = []
-        kind = effect_classes()[name]
-        if kind is MissingHysteresis:
-            return found
-        for effect in kind.screening(evidence):
-            if isinstance(effect, AsymmetricHysteresis) and effect.thresholds_v:
-                found.append(_screen_family(chain, records, space, clear, effect))
-            elif not effect.belongs_to_record():
-                found += _screen_one(chain, records, space, clear, plain, effect, None, held)
-        for i, own in enumerate(evidence.records):
-            for effect in kind.screening(Evidence((own,), noise_um)):
-                if effect.belongs_to_record():
-                    found += _screen_one(chain, records, space, clear, plain, effect, i)
+        kind = cause_classes()[name]
+        for cause in kind.screening(evidence):
+            if isinstance(cause, Effect) and ColumnKinds.plays_of(cause).owners:
+                found.append(_screen_family(chain, records, space, clear, cause))
+            elif not cause.belongs_to_record():
+                found += _screen_one(chain, records, space, clear, plain, cause, None, held)
+        for i, record in enumerate(evidence.records):
+            for cause in kind.screening(Evidence((record,), noise_um)):
+                if cause.belongs_to_record():
+                    found += _screen_one(chain, records, space, clear, plain, cause, i)
         return found
 
     by_cause = map(of_cause, causes) if executor is None else executor.map(of_cause, causes)
     return sorted((screened for found in by_cause for screened in found), key=lambda screened: -screened.explained)
 
 
-def signature(chain: TrialModel, record: FitRecord, index: int, effect: Effect, plain: Array) -> Array:
+def signature(chain: TrialModel, record: FitRecord, index: int, cause: Cause, plain: Array) -> Array:
     """Return by how much an instance changes the displacement [um], shape (n_samples,), one step per sample."""
-    if effect.stage is Stage.SENSED:
-        covariate = record.cross if effect.name == "cross_axis" else record.recording.temperature_c
-        return effect.run(effect.initial_state(), plain, record.steps_s, covariate) - plain
-    if effect.stage is Stage.MECHANICAL and not any(e.stage is Stage.START for e in chain.effects_in(index)):
-        return effect.run(effect.initial_state(), plain, record.steps_s) - plain
-    return predict(chain, record, index, (effect,), is_coarse=True) - plain
+    if isinstance(cause, Effect):
+        # what comes after hysteresis and creep acts on their sum; the past moves its state, too
+        is_after_past = cause.stage is Stage.MECHANICAL and chain.start_of(index) is None
+        if cause.stage is Stage.SENSED or is_after_past:
+            covariate = record.covariates.of(cause.covariate)
+            return cause.run(cause.initial_state(), plain, record.steps_s, covariate) - plain
+    with_cause = chain.without(cause.name).with_cause(cause, index if cause.belongs_to_record() else None)
+    return predict(with_cause, record, index, is_coarse=True) - plain
 
 
 def _screen_one(
@@ -178,13 +177,13 @@ def _screen_one(
     space: Tangent,
     clear: tuple[Array, ...],
     plain: tuple[Array, ...],
-    effect: Effect,
+    cause: Cause,
     index: int | None,
     held: HeldView | None = None,
 ) -> list[Screened]:
     try:
         parts = tuple(
-            centred(signature(chain, r, i, effect, p), r.is_used) if index in (None, i) else np.zeros(r.time_s.size)
+            centred(signature(chain, r, i, cause, p), r.is_used) if index in (None, i) else np.zeros(r.time_s.size)
             for i, (r, p) in enumerate(zip(records, plain, strict=True))
         )
     except ParameterError:
@@ -195,30 +194,21 @@ def _screen_one(
     if not np.isfinite(power) or power <= 0.0:
         return []
     product = sum(float(np.dot(s[r.is_used], c[r.is_used])) for r, s, c in zip(records, parts, clear, strict=True))
-    main = next(spec for spec in effect.parameters if spec.name == effect.main_parameter)
-    takes_either_sign = main.name in effect.linear_parameters and main.lower < 0.0
+    main = cause.parameter(cause.main_parameter)
+    takes_either_sign = main.name in cause.linear_parameters and main.lower < 0.0
     explained = product**2 / power if takes_either_sign or product > 0.0 else 0.0
-    explained_held = 0.0 if held is None else held.explained(chain, effect, coefficients, takes_either_sign)
-    return [Screened(effect, index, explained, power, product / power, explained_held)]
-
-
-def family_columns(chain: TrialModel, effect: AsymmetricHysteresis) -> ColumnKinds:
-    """Return the plays with knees of the effect as columns beside those of the chain."""
-    thresholds = np.array(effect.thresholds_v)
-    return chain.columns.joined(
-        ColumnKinds(thresholds, np.array(effect.knees_v), np.zeros(thresholds.size, dtype=np.int64))
-    )
+    explained_held = 0.0 if held is None else held.explained(chain, cause, coefficients, takes_either_sign)
+    return [Screened(cause, index, explained, power, product / power, explained_held)]
 
 
 def _screen_family(
     chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent, clear: tuple[Array, ...], effect: Effect
 ) -> Screened:
-    assert isinstance(effect, AsymmetricHysteresis)
-    thresholds = np.array(effect.thresholds_v)
-    only = ColumnKinds(thresholds, np.array(effect.knees_v), np.zeros(thresholds.size, dtype=np.int64))
-    family = TrialModel(only, np.zeros(thresholds.size), chain.creep_order, chain.effects, chain.record_effects)
-    gram = np.zeros((thresholds.size,) * 2)
-    moment = np.zeros(thresholds.size)
+    only = ColumnKinds.plays_of(effect)
+    n_plays = only.thresholds_v.size
+    family = replace(chain, columns=only, weights=np.zeros(n_plays))
+    gram = np.zeros((n_plays,) * 2)
+    moment = np.zeros(n_plays)
     for i, (record, left, columns) in enumerate(zip(records, clear, space.columns, strict=True)):
         own = centred(record_columns(family, record, i, chain), record.is_used)[record.is_used]
         base = columns[record.is_used] @ space.whitening
@@ -231,11 +221,5 @@ def _screen_family(
     whitening = whitening_of(gram[np.ix_(moved, moved)])
     inside = whitening.T @ moment[moved]
     explained = float(inside @ inside)
-    n_moved = int(np.count_nonzero(moved))
-    reached = replace(
-        effect,
-        thresholds_v=tuple(thresholds[moved].tolist()),
-        knees_v=tuple(only.knees_v[moved].tolist()),
-        weights_um_per_v=(0.0,) * n_moved,
-    )
+    reached = effect.with_plays(only.thresholds_v[moved], only.knees_v[moved], np.zeros(np.count_nonzero(moved)))
     return Screened(reached, None, explained, float(np.trace(gram)), 1.0)

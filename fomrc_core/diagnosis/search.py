@@ -25,11 +25,10 @@ from fomrc_core.diagnosis.decision import (
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.effects import effect_classes
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.fitting.base_fit import residuals, tangent
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.linear_part import residuals, tangent
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 
 Array = NDArray[np.float64]
 
@@ -169,18 +168,18 @@ def _better_rival(
     for at, step in enumerate(steps[:-1]):
         name = step.accepted.cause
         for rival in step.rivals:
-            if name == AsymmetricHysteresis.name or rival.cause == AsymmetricHysteresis.name:
-                continue  # its plays are columns, not an effect that can be exchanged
-            if not _has(chain, name):
+            if not (cause_classes()[name].is_exchangeable and cause_classes()[rival.cause].is_exchangeable):
                 continue
-            if _has(chain, rival.cause):
+            if not chain.has(name):
+                continue
+            if chain.has(rival.cause):
                 second = _best_beside(rival, split, causes, executor)
                 if second is None or second.cause == name:
                     continue
                 start = second.fitted.chain
             else:
                 effect = next(e for e in rival.fitted.chain.effects if e.name == rival.cause)
-                start = chain.without(name).with_effect(effect)
+                start = chain.without(name).with_cause(effect)
             other = fit_until_still(start, split.train, executor)
             held = held_out_score(held_residuals(chain, split.held), held_residuals(other.chain, split.held))
             if sure_gain(final, other, split) > SURE and held.log_gain > _PRUNED:
@@ -221,13 +220,13 @@ def _pruned(
     for step in list(steps):
         name = step.accepted.cause
         is_last = step is steps[-1]
-        if not _has(chain, name):
+        if not chain.has(name):
             continue
         lesser = refit(chain.without(name), split.train, n_iterations=6, executor=executor)
         train_gain = math.log(lesser.squared_error / final.squared_error)
         score = held_out_score(held_residuals(lesser.chain, split.held), held_residuals(chain, split.held))
         is_kept = score.log_gain >= _PRUNED or (is_last and score.is_worthwhile())
-        is_own = any(e.name == name for own in chain.record_effects for e in own)
+        is_own = any(at is not None and cause.name == name for at, cause in chain.found())
         if not is_kept and (train_gain < _PRUNED or not (is_own or is_last)):
             steps = [s for s in steps if s is not step]
             final = fit_until_still(lesser.chain, split.train, executor)
@@ -237,8 +236,8 @@ def _pruned(
         name = step.accepted.cause
         ratios = []
         for p in final.free:
-            if p.effect_name == name and p.spec.name == effect_classes()[name].main_parameter and not p.spec.is_log:
-                error = errors.get((p.effect_name, p.index, p.spec.name), 0.0)
+            if p.cause == name and p.spec.name == cause_classes()[name].main_parameter and not p.spec.is_log:
+                error = errors.get((p.cause, p.index, p.spec.name), 0.0)
                 ratios.append(abs(p.get(chain)) / error if error > 0.0 else math.inf)
         # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
         if ratios and max(ratios) < _LEAST_SIGMAS and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
@@ -246,11 +245,3 @@ def _pruned(
             final = fit_until_still(chain.without(name), split.train, executor)
             chain = follow_held(final.chain, split)
     return steps, chain, final
-
-
-def _has(chain: TrialModel, name: str) -> bool:
-    if name == AsymmetricHysteresis.name:
-        return chain.has_knees
-    return any(e.name == name for e in chain.effects) or any(
-        e.name == name for own in chain.record_effects for e in own
-    )

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import run_lag
 
@@ -17,8 +17,8 @@ class AmplifierBandwidth(Effect):
     """First-order low-pass on the drive, exact for a drive linear between samples."""
 
     name: ClassVar[str] = "amplifier_bandwidth"
-    place: ClassVar[Place] = Place.AMPLIFIER_BANDWIDTH
     stage: ClassVar[Stage] = Stage.DRIVE
+    order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("cutoff_hz", "Hz", 1e-3, 1e6, is_log=True, description="-3 dB frequency"),
     )

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.errors import ParameterError
 
@@ -19,8 +19,8 @@ class AmplifierSaturation(Effect):
     """Clamp on the drive; a side that does not act stands at +-1e6 V."""
 
     name: ClassVar[str] = "amplifier_saturation"
-    place: ClassVar[Place] = Place.AMPLIFIER_SATURATION
     stage: ClassVar[Stage] = Stage.DRIVE
+    order: ClassVar[float] = 30.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("low_v", "V", -_NO_LIMIT_V, _NO_LIMIT_V, description="lowest output"),
         Parameter("high_v", "V", -_NO_LIMIT_V, _NO_LIMIT_V, description="highest output"),
@@ -57,6 +57,10 @@ class AmplifierSaturation(Effect):
     def scale_of(self, name: str, value: float) -> float:
         """Return a tenth of the range as the unit of a limit, which may stand near zero."""
         return 0.1 * (self.high_v - self.low_v if abs(self.high_v - self.low_v) < _NO_LIMIT_V else max(abs(value), 1.0))
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return nothing: what shows is the way beyond a limit, not the limit."""
+        return {}
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

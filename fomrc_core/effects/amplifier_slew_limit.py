@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -43,8 +43,8 @@ class AmplifierSlewLimit(Effect):
     """Rate limit on the drive."""
 
     name: ClassVar[str] = "amplifier_slew_limit"
-    place: ClassVar[Place] = Place.AMPLIFIER_SLEW_LIMIT
     stage: ClassVar[Stage] = Stage.DRIVE
+    order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("slew_v_per_s", "V/s", 1e-6, 1e9, is_log=True, description="largest rate of the output"),
     )

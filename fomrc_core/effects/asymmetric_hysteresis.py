@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
@@ -29,8 +29,8 @@ class AsymmetricHysteresis(Effect):
     """
 
     name: ClassVar[str] = "asymmetric_hysteresis"
-    place: ClassVar[Place] = Place.HYSTERESIS
     stage: ClassVar[Stage] = Stage.HYSTERESIS
+    order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("thresholds_v", "V", 0.0, 1e6, is_list=True, description="half widths of the one-sided plays"),
         Parameter("knees_v", "V", -1e6, 1e6, is_list=True, description="where each begins to count"),
@@ -44,6 +44,9 @@ class AsymmetricHysteresis(Effect):
     experiment: ClassVar[str] = "small slow triangles about several mean voltages: loops of unequal width and slope"
     inverse_note: ClassVar[str] = "inverted by a scalar search, while displacement still rises with voltage"
     can_invert: ClassVar[bool] = True
+    owns_columns: ClassVar[bool] = True
+    is_exchangeable: ClassVar[bool] = False  # its plays are columns, which no other cause can take the place of
+    needs_many_loops: ClassVar[bool] = True  # one-sided plays bend to any lag in a loop that repeats
     linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v", "warp_per_v", "warp_per_v2")
 
     thresholds_v: tuple[float, ...] = ()
@@ -64,7 +67,20 @@ class AsymmetricHysteresis(Effect):
 
     def initial_state(self) -> Array:
         """Return the packed one-sided plays, relaxed."""
-        return knee_block(np.array(self.thresholds_v), np.array(self.knees_v), np.array(self.weights_um_per_v))
+        return knee_block(*self.plays())
+
+    def plays(self) -> tuple[Array, Array, Array]:
+        """Return thresholds [V], knees [V] and weights [um/V] of the one-sided plays."""
+        return np.array(self.thresholds_v), np.array(self.knees_v), np.array(self.weights_um_per_v)
+
+    def with_plays(self, thresholds_v: Array, knees_v: Array, weights_um_per_v: Array) -> AsymmetricHysteresis:
+        """Return the same warp with these one-sided plays."""
+        return replace(
+            self,
+            thresholds_v=tuple(thresholds_v.tolist()),
+            knees_v=tuple(knees_v.tolist()),
+            weights_um_per_v=tuple(weights_um_per_v.tolist()),
+        )
 
     def free_names(self) -> tuple[str, ...]:
         """Return the warp; the weights belong to the linear part of a fit."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state
 
@@ -21,8 +21,8 @@ class ClockSkew(Effect):
     """
 
     name: ClassVar[str] = "clock_skew"
-    place: ClassVar[Place] = Place.CLOCK_SKEW
     stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 40.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("ppm", "ppm", -1e5, 1e5, description="how much faster the drive's clock runs"),
     )
@@ -61,6 +61,11 @@ class ClockSkew(Effect):
         state[0], state[1] = kept, start[-1]
         state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept] = times[-kept:], drive[-kept:]
         return out
+
+    @classmethod
+    def acts_before_record(cls) -> bool:
+        """Return that it does not: the record's first sample is the common zero of both clocks."""
+        return False
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

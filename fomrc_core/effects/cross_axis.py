@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.covariates import Covariate
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -16,11 +17,12 @@ class CrossAxis(Effect):
     """A share of the second axis's recorded signal added to the displacement."""
 
     name: ClassVar[str] = "cross_axis"
-    place: ClassVar[Place] = Place.CROSS_AXIS
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "um/um or um/V", -1e3, 1e3, description="displacement per unit of the second axis"),
     )
+    covariate: ClassVar[Covariate | None] = Covariate.SECOND_AXIS
     main_parameter: ClassVar[str] = "gain"
     meaning: ClassVar[str] = "Guide and sensor are not square to each other, so the other axis leaks into this one."
     signature: ClassVar[str] = "residual follows the second axis, also while this axis rests"
@@ -46,4 +48,4 @@ class CrossAxis(Effect):
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:
         """Return a gain where a second axis was recorded."""
-        return [cls(gain=0.01)] if any(r.has_second_axis for r in evidence.records) else []
+        return [cls(gain=0.01)] if any(r.has(Covariate.SECOND_AXIS) for r in evidence.records) else []

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -16,8 +16,8 @@ class DacQuantization(Effect):
     """Rounding of the drive to multiples of a step, at the samples."""
 
     name: ClassVar[str] = "dac_quantization"
-    place: ClassVar[Place] = Place.DAC_QUANTIZATION
     stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
+    order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("step_v", "V", 1e-9, 1e3, is_log=True, description="step of the converter"),
     )
@@ -38,6 +38,10 @@ class DacQuantization(Effect):
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the rounded drive [V], shape (n_samples,)."""
         return np.rint(values / self.step_v) * self.step_v
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return nothing: a trial's step is a line of the residual, of which a smaller one says nothing."""
+        return {}
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

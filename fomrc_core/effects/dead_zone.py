@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -16,8 +16,8 @@ class DeadZone(Effect):
     """Symmetric dead zone about zero volts."""
 
     name: ClassVar[str] = "dead_zone"
-    place: ClassVar[Place] = Place.DEAD_ZONE
     stage: ClassVar[Stage] = Stage.DRIVE
+    order: ClassVar[float] = 40.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("half_width_v", "V", 0.0, 1e3, description="half width of the band"),
     )

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
@@ -24,8 +24,8 @@ class ExternalLoad(Effect):
     """A constant displacement between onset and release: a force divided by the stage's stiffness."""
 
     name: ClassVar[str] = "external_load"
-    place: ClassVar[Place] = Place.EXTERNAL_LOAD
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("displacement_um", "um", -1e3, 1e3, description="force over stiffness"),
         Parameter("onset_s", "s", 0.0, _NEVER_S, description="when it begins, from the record's start"),

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
@@ -17,8 +17,8 @@ class GainDrift(Effect):
     """Displacement times one plus a rate times the time since the start."""
 
     name: ClassVar[str] = "gain_drift"
-    place: ClassVar[Place] = Place.GAIN_DRIFT
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 40.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("per_s", "1/s", -1.0, 1.0, description="relative change of the gain per second"),
     )
@@ -40,6 +40,12 @@ class GainDrift(Effect):
         t = np.empty(steps_s.size)
         elapsed_times(state, steps_s, t)
         return values * (1.0 + self.per_s * t)
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes times the gain of their time."""
+        t = np.empty(steps_s.size)
+        elapsed_times(self.initial_state(), steps_s, t)
+        return changes * (1.0 + self.per_s * t)[:, None]
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

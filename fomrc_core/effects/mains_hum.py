@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
@@ -17,8 +17,8 @@ class MainsHum(Effect):
     """One sine in time added to the reading."""
 
     name: ClassVar[str] = "mains_hum"
-    place: ClassVar[Place] = Place.MAINS_HUM
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 60.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # a share of the frequency that turns the phase little, even at the end of an hour
         Parameter("frequency_hz", "Hz", 1e-2, 1e6, is_log=True, description="frequency", difference=1e-8),
@@ -50,6 +50,15 @@ class MainsHum(Effect):
     def scale_of(self, name: str, value: float) -> float:
         """Return one radian as the unit of the phase."""
         return 1.0 if name == "phase_rad" else super().scale_of(name, value)
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return nothing: a tone of any frequency is as visible, see ``smallest_detectable_of_rms``."""
+        return {}
+
+    @classmethod
+    def smallest_detectable_of_rms(cls, rms_um: float) -> dict[str, float]:
+        """Return the amplitude of a sine of this rms [um]."""
+        return {"amplitude_um": float(np.sqrt(2.0) * rms_um)}
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

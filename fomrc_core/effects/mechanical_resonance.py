@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -44,8 +44,8 @@ class MechanicalResonance(Effect):
     """Second-order response of the displacement, equation (3), exact for a force linear between samples."""
 
     name: ClassVar[str] = "mechanical_resonance"
-    place: ClassVar[Place] = Place.MECHANICAL_RESONANCE
     stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("frequency_hz", "Hz", 1e-2, 1e6, is_log=True, description="undamped natural frequency"),
         Parameter("damping_ratio", "1", 1e-4, 0.999, is_log=True, description="damping ratio"),
@@ -58,6 +58,7 @@ class MechanicalResonance(Effect):
     experiment: ClassVar[str] = "a multisine through the resonance, or steps sampled fast"
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the target; use smooth targets"
     needs_substeps: ClassVar[bool] = True
+    rings: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -0.5
 
     frequency_hz: float

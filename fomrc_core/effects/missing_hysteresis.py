@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 
@@ -17,8 +17,8 @@ class MissingHysteresis(Effect):
     """Further play operators beside those of the model; a diagnosis folds them into the model's elements."""
 
     name: ClassVar[str] = "missing_hysteresis"
-    place: ClassVar[Place] = Place.HYSTERESIS
     stage: ClassVar[Stage] = Stage.HYSTERESIS
+    order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("n_elements", "1", 0.0, 1e4, description="number of elements the data ask for"),
         Parameter("thresholds_v", "V", 0.0, 1e6, is_list=True, description="half widths of the added plays"),
@@ -30,6 +30,7 @@ class MissingHysteresis(Effect):
     experiment: ClassVar[str] = "slow triangles of many amplitudes"
     inverse_note: ClassVar[str] = "inverted: the elements join those of the model"
     can_invert: ClassVar[bool] = True
+    adds_elements: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v",)
 
     n_elements: float

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
 
@@ -16,8 +16,8 @@ class SensorNonlinearity(Effect):
     """Quadratic and cubic error of the reading."""
 
     name: ClassVar[str] = "sensor_nonlinearity"
-    place: ClassVar[Place] = Place.SENSOR_NONLINEARITY
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 50.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("quadratic_per_um", "1/um", -1.0, 1.0, description="quadratic error"),
         Parameter("cubic_per_um2", "1/um^2", -1.0, 1.0, description="cubic error"),
@@ -27,6 +27,7 @@ class SensorNonlinearity(Effect):
     signature: ClassVar[str] = "residual is one curve of the displacement, the same on the way up and down"
     experiment: ClassVar[str] = "a slow triangle over the whole stroke against a reference"
     inverse_note: ClassVar[str] = "not inverted: the reading errs, not the position"
+    slope_depends_on_input: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("quadratic_per_um", "cubic_per_um2")
 
     quadratic_per_um: float = 0.0
@@ -39,6 +40,13 @@ class SensorNonlinearity(Effect):
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the reading [um], shape (n_samples,)."""
         return values + values * values * (self.quadratic_per_um + self.cubic_per_um2 * values)
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes times the slope of the scale where the displacement stands."""
+        if values is None:
+            return changes
+        slope = 1.0 + values * (2.0 * self.quadratic_per_um + 3.0 * self.cubic_per_um2 * values)
+        return changes * slope[:, None]
 
     def free_names(self) -> tuple[str, ...]:
         """Return both errors: a curved scale seldom has only one of them."""

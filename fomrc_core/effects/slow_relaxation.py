@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights, run_lag
 
@@ -18,8 +18,8 @@ class SlowRelaxation(Effect):
     """Displacement plus a share of itself that arrives with one time constant (a Zener element)."""
 
     name: ClassVar[str] = "slow_relaxation"
-    place: ClassVar[Place] = Place.SLOW_RELAXATION
     stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude", "1", -0.9, 10.0, description="share of the displacement that arrives late"),
         Parameter("time_constant_s", "s", 1e-4, 1e6, is_log=True, description="its time constant"),

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.covariates import Covariate
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
@@ -19,8 +20,8 @@ class ThermalDrift(Effect):
     """Displacement in proportion to temperature where it is recorded, else a smooth drift or a warm-up in time."""
 
     name: ClassVar[str] = "thermal_drift"
-    place: ClassVar[Place] = Place.THERMAL_DRIFT
     stage: ClassVar[Stage] = Stage.SENSED
+    order: ClassVar[float] = 30.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("um_per_c", "um/degC", -1e3, 1e3, description="expansion per degree"),
         Parameter("um_per_s", "um/s", -1e3, 1e3, description="drift where no temperature is recorded"),
@@ -29,6 +30,7 @@ class ThermalDrift(Effect):
         Parameter("warm_up_um", "um", -1e3, 1e3, description="what a warm-up comes to in the end"),
         Parameter("warm_up_s", "s", 1e-3, 1e6, is_log=True, description="time constant of the warm-up"),
     )
+    covariate: ClassVar[Covariate | None] = Covariate.TEMPERATURE
     main_parameter: ClassVar[str] = "um_per_c"
     meaning: ClassVar[str] = "The frame between stage and sensor expands as its temperature changes."
     signature: ClassVar[str] = "residual follows the temperature, or drifts smoothly whatever the drive does"
@@ -102,6 +104,6 @@ class ThermalDrift(Effect):
             cls(warm_up_um=0.01, warm_up_s=0.2 * t),
             cls(warm_up_um=0.01, warm_up_s=0.6 * t),
         ]
-        if all(record.has_temperature for record in evidence.records):
+        if all(record.has(Covariate.TEMPERATURE) for record in evidence.records):
             trials.append(cls(um_per_c=0.01))
         return trials

@@ -6,7 +6,10 @@ Identification and diagnosis both fit with what is here; neither has a fit of it
 __all__ = [
     "base_fit",
     "element_fit",
+    "fit_record",
+    "free_parameters",
     "joint_fit",
+    "linear_part",
     "play_columns",
     "trial_model",
 ]

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import normal_equations
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.fitting.base_fit import centred
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.play_columns import THRESHOLD_SLOPE, ColumnKinds, creep_columns
-from fomrc_core.fitting.trial_model import FitRecord, fit_modes
+from fomrc_core.fitting.trial_model import fit_modes
 from fomrc_core.model.kernels import forward
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.creep import creep_block
 from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
 
@@ -48,20 +49,20 @@ class Polished:
     is_converged: bool
 
 
-Starts = tuple[tuple[InitialState, ...], ...]
+Starts = tuple[Prehistory | None, ...]
 
 
-def with_start(record: FitRecord, start: tuple[InitialState, ...]) -> tuple[Array, Array, int]:
+def with_start(record: FitRecord, start: Prehistory | None) -> tuple[Array, Array, int]:
     """Return drive [V] and steps [s] with what went before the record, and how many samples that is."""
     steps, drive, n_before = record.steps_s, record.voltage_v, 0
-    for effect in start:
-        before_steps, before = effect.prehistory()
+    if start is not None:
+        before_steps, before = start.drive()
         n_before = before.size
         steps, drive = np.concatenate((before_steps, steps)), np.concatenate((before, drive))
     return drive, steps, n_before
 
 
-def play_form_response(form: OperatorSum, order: float, record: FitRecord, start: tuple[InitialState, ...]) -> Array:
+def play_form_response(form: OperatorSum, order: float, record: FitRecord, start: Prehistory | None) -> Array:
     """Return the displacement [um] of a play form with creep, offset not included, shape (n_samples,)."""
     drive, steps, n_before = with_start(record, start)
     hysteresis = hysteresis_block(form)
@@ -131,7 +132,7 @@ def _residual(x: Array, n: int, records: tuple[FitRecord, ...], starts: Starts) 
     return left, float(sum(np.dot(v[r.is_used], v[r.is_used]) for v, r in zip(left, records, strict=True)))
 
 
-def _jacobian(x: Array, n: int, record: FitRecord, start: tuple[InitialState, ...]) -> Array:
+def _jacobian(x: Array, n: int, record: FitRecord, start: Prehistory | None) -> Array:
     slope, weights, thresholds, order = np.exp(x[0]), np.exp(x[1 : 1 + n]), np.exp(x[1 + n : 1 + 2 * n]), float(x[-1])
     plays = ColumnKinds.plays(np.concatenate(([0.0], thresholds)))
     slopes = ColumnKinds(thresholds, np.full(n, -np.inf), np.full(n, THRESHOLD_SLOPE))

@@ -9,16 +9,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import normal_equations, product
-from fomrc_core.effects import Effect, Parameter
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import Tangent, centred, moved, rebased, residuals, squared_error, tangent
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.base_fit import rebased
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.free_parameters import FreeParameter, free_parameters, with_coordinates
+from fomrc_core.fitting.linear_part import (
+    Tangent,
+    centred,
+    moved,
+    residuals,
+    squared_error,
+    tangent,
+)
+from fomrc_core.fitting.trial_model import TrialModel, predict
 
 Array = NDArray[np.float64]
 
@@ -27,46 +36,6 @@ _LARGEST_DAMPING = 1e6
 _LONGEST_LOG_STEP = 1.0  # a slope says nothing of a value several times smaller or larger
 _RESCAN_WIDTHS = (5e-4, 4e-5, 4e-6)
 _PATIENCE = 4  # iterations before a start may be given up
-
-
-@dataclass(frozen=True)
-class FreeParameter:
-    """One parameter of one effect that a refit moves.
-
-    Attributes:
-        effect_name: the effect.
-        index: the record it belongs to; None for an effect of the actuator.
-        spec: the parameter.
-        scale: step unit of a parameter that is not moved by its logarithm.
-    """
-
-    effect_name: str
-    index: int | None
-    spec: Parameter
-    scale: float
-
-    def get(self, chain: TrialModel) -> float:
-        """Return the parameter's value in the chain."""
-        return float(getattr(self.effect(chain), self.spec.name))
-
-    def effect(self, chain: TrialModel) -> Effect:
-        """Return the effect the parameter belongs to."""
-        pool = chain.effects if self.index is None else chain.record_effects[self.index]
-        return next(effect for effect in pool if effect.name == self.effect_name)
-
-    def coordinate(self, value: float) -> float:
-        """Return what the refit moves for a value."""
-        return math.log(value) if self.spec.is_log else value / self.scale
-
-    def value(self, coordinate: float) -> float:
-        """Return the value of a coordinate, within the parameter's bounds."""
-        value = math.exp(min(coordinate, 300.0)) if self.spec.is_log else coordinate * self.scale
-        return min(max(value, self.spec.lower), self.spec.upper)
-
-    @property
-    def difference(self) -> float:
-        """Coordinate step of the difference quotient."""
-        return self.spec.difference or (5e-4 if self.spec.is_log else 5e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,36 +71,10 @@ class Refit:
         errors = {}
         for k, free in enumerate(self.free):
             per_coordinate = free.get(self.chain) if free.spec.is_log else free.scale
-            errors[(free.effect_name, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(
+            errors[(free.cause, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(
                 max(float(covariance[k, k]), 0.0)
             )
         return errors
-
-
-def free_parameters(chain: TrialModel) -> tuple[FreeParameter, ...]:
-    """Return what a refit moves: every number of every effect that is not held.
-
-    Held are lists (their weights belong to the linear part), what an effect holds itself, and a linear parameter
-    that stands at zero or a limit that stands where nothing reaches it.
-    """
-    found: list[FreeParameter] = []
-    pools: list[tuple[int | None, tuple[Effect, ...]]] = [(None, chain.effects)]
-    pools += list(enumerate(chain.record_effects))
-    for index, effects in pools:
-        for effect in effects:
-            for spec in effect.parameters:
-                if spec.name in effect.free_names():
-                    value = float(getattr(effect, spec.name))
-                    found.append(FreeParameter(effect.name, index, spec, effect.scale_of(spec.name, value)))
-    return tuple(found)
-
-
-def with_coordinates(chain: TrialModel, free: tuple[FreeParameter, ...], coordinates: Array) -> TrialModel:
-    """Return the chain with the free parameters at these coordinates."""
-    for parameter, coordinate in zip(free, coordinates, strict=True):
-        effect = replace(parameter.effect(chain), **{parameter.spec.name: parameter.value(float(coordinate))})
-        chain = chain.with_effect(effect, parameter.index)
-    return chain
 
 
 def _directions(
@@ -252,8 +195,7 @@ def _scanned_again(chain: TrialModel, records: tuple[FitRecord, ...]) -> TrialMo
     """Return the chain with what derivatives do not find scanned beside all that was found since."""
     for effect in chain.effects:
         if effect.is_scanned:
-            spec = next(p for p in effect.parameters if p.name == effect.main_parameter)
-            parameter = FreeParameter(effect.name, None, spec, 1.0)
+            parameter = FreeParameter(effect.name, None, effect.parameter(effect.main_parameter), 1.0)
             chain = scan(chain, records, tangent(chain, records), parameter, _RESCAN_WIDTHS)
     return chain
 
@@ -319,7 +261,7 @@ def scan(
         centre = parameter.get(chain)
         for share in np.linspace(-width, width, n_points):
             value = centre * (1.0 + float(share))
-            trial = chain.with_effect(replace(parameter.effect(chain), **{parameter.spec.name: value}), parameter.index)
+            trial = parameter.set(chain, value)
             error = squared_error(records, space.remove(records, residuals(trial, records)))
             if error < best_error:
                 best_error, chain = error, trial

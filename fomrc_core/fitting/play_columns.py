@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled_inline, compiled_sums
+from fomrc_core.effects import Effect
 from fomrc_core.operators.creep import (
     CURRENT_WEIGHT,
     DECAY,
@@ -41,11 +42,17 @@ class ColumnKinds:
         thresholds_v: half widths of the plays [V]; 0 is the drive itself.
         knees_v: where each begins to count [V]; -inf counts always.
         kinds: PLAY or THRESHOLD_SLOPE.
+        owners: name of the effect whose play each is, empty for the elements' own; all of them where not given.
     """
 
     thresholds_v: Array
     knees_v: Array
     kinds: NDArray[np.int64]
+    owners: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.owners:
+            object.__setattr__(self, "owners", ("",) * self.thresholds_v.size)
 
     @classmethod
     def plays(cls, thresholds_v: Array) -> ColumnKinds:
@@ -53,12 +60,33 @@ class ColumnKinds:
         t = np.ascontiguousarray(thresholds_v, dtype=np.float64)
         return cls(t, np.full(t.size, -np.inf), np.zeros(t.size, dtype=np.int64))
 
+    @classmethod
+    def plays_of(cls, effect: Effect) -> ColumnKinds:
+        """Return the plays an effect owns."""
+        thresholds, knees, _ = effect.plays()
+        return cls(thresholds, knees, np.zeros(thresholds.size, dtype=np.int64), (effect.name,) * thresholds.size)
+
+    @property
+    def is_plain(self) -> NDArray[np.bool_]:
+        """Whether each column is of the elements, shape (n_columns,)."""
+        return self.owned_by("")
+
+    def owned_by(self, name: str) -> NDArray[np.bool_]:
+        """Return whether each column is a play of this effect, shape (n_columns,)."""
+        return np.array([owner == name for owner in self.owners], dtype=np.bool_)
+
+    def chosen(self, mask: NDArray[np.bool_]) -> ColumnKinds:
+        """Return the columns where the mask, shape (n_columns,), is true."""
+        owners = tuple(owner for owner, is_kept in zip(self.owners, mask, strict=True) if is_kept)
+        return ColumnKinds(self.thresholds_v[mask], self.knees_v[mask], self.kinds[mask], owners)
+
     def joined(self, other: ColumnKinds) -> ColumnKinds:
         """Return these columns followed by the others."""
         return ColumnKinds(
             np.concatenate((self.thresholds_v, other.thresholds_v)),
             np.concatenate((self.knees_v, other.knees_v)),
             np.concatenate((self.kinds, other.kinds)),
+            (*self.owners, *other.owners),
         )
 
 

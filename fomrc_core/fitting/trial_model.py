@@ -1,4 +1,4 @@
-"""A chain under fit: operator weights of either sign on fixed thresholds, creep order, effects, records.
+"""A model under fit: operator weights of either sign on fixed thresholds, creep order, effects, starts of records.
 
 The same chain as ``PiezoModel``, before it is known whether its weights belong to Maxwell elements.
 """
@@ -8,81 +8,35 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fomrc_core.effects import Effect
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.compute.arrays import Array
+from fomrc_core.effects import Effect, in_chain_order
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.model.piezo_model import ModelState, run_chain, settle_chain
-from fomrc_core.operators.creep import CreepModes, creep_block, creep_modes
-from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
-from fomrc_core.records.recording import Recording
-
-Array = NDArray[np.float64]
+from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.model.simulation import relaxed_state, run_chain, settle_chain
+from fomrc_core.model.state import ModelState
+from fomrc_core.model.substeps import Substeps, asked_by
+from fomrc_core.operators.creep import CreepModes, creep_modes
+from fomrc_core.operators.hysteresis import OperatorSum
 
 # Of the creep modes, at the worst order; the error is in proportion to the order, so at 0.02 it is some 1e-6.
 FIT_ACCURACY = 1e-4
-_LONG_REST_S = 1000.0
-
-
-@dataclass(frozen=True, eq=False)
-class FitRecord:
-    """A recording as the fit sees it, arrays of shape (n_samples,).
-
-    Attributes:
-        recording: where it comes from.
-        time_s: time since the first sample [s].
-        steps_s: steps [s].
-        voltage_v: drive [V].
-        measured_um: displacement [um].
-        is_used: samples a fit may learn from.
-        cross: second axis, voltage or displacement, where recorded.
-    """
-
-    recording: Recording
-    time_s: Array
-    steps_s: Array
-    voltage_v: Array
-    measured_um: Array
-    is_used: NDArray[np.bool_]
-    cross: Array | None
-
-    @classmethod
-    def of(cls, recording: Recording, is_used: NDArray[np.bool_] | None = None) -> FitRecord:
-        """Return the prepared recording; every sample used unless told."""
-        cross = recording.cross_displacement_um
-        return cls(
-            recording,
-            recording.time_s - recording.time_s[0],
-            recording.steps_s,
-            recording.voltage_v,
-            recording.measured_um,
-            np.ones(recording.n_samples, dtype=np.bool_) if is_used is None else is_used,
-            recording.cross_voltage_v if cross is None else cross,
-        )
-
-    def using(self, is_used: NDArray[np.bool_]) -> FitRecord:
-        """Return the same record with another choice of samples."""
-        return replace(self, is_used=is_used)
-
-    def at_rest(self) -> InitialState:
-        """Return the start from a long rest at the first voltage."""
-        first = float(self.voltage_v[0])
-        return InitialState(first, first, 1.0, _LONG_REST_S)
 
 
 @dataclass(frozen=True, eq=False)
 class TrialModel:
-    """A fitted chain.
+    """A model under fit.
 
     Attributes:
-        columns: plays, threshold zero first, then plays with knees.
+        columns: plays, threshold zero first, then the plays effects own.
         weights: their weights [um/V], shape (n_columns,), of either sign.
         creep_order: alpha [1].
-        effects: effects of the actuator, the same in every record.
+        effects: effects of the actuator, the same in every record; one that owns columns is here without its plays.
         record_effects: effects that belong to one record, a tuple for each record.
         grid_v: thresholds the plays may be chosen from [V], zero first; those of the columns where not given.
+        starts: what went before each record; none, and every record begins relaxed, where not given.
     """
 
     columns: ColumnKinds
@@ -91,65 +45,118 @@ class TrialModel:
     effects: tuple[Effect, ...] = ()
     record_effects: tuple[tuple[Effect, ...], ...] = ()
     grid_v: Array | None = None
+    starts: tuple[Prehistory | None, ...] = ()
+
+    # --- what it holds
 
     @property
-    def has_knees(self) -> bool:
-        """Whether plays with knees are among the columns."""
-        return bool(np.any(np.isfinite(self.columns.knees_v)))
-
-    def asymmetry(self) -> AsymmetricHysteresis:
-        """Return the plays with knees, and the warp of the drive where there is one, as an effect."""
-        kneed = np.isfinite(self.columns.knees_v)
-        bare = next((e for e in self.effects if isinstance(e, AsymmetricHysteresis)), AsymmetricHysteresis())
-        return replace(
-            bare,
-            thresholds_v=tuple(self.columns.thresholds_v[kneed].tolist()),
-            knees_v=tuple(self.columns.knees_v[kneed].tolist()),
-            weights_um_per_v=tuple(self.weights[kneed].tolist()),
-        )
-
-    def actuator_effects(self) -> tuple[Effect, ...]:
-        """Return the effects of the actuator, the plays with knees among them."""
-        others = tuple(e for e in self.effects if not isinstance(e, AsymmetricHysteresis))
-        return (*others, self.asymmetry()) if self.has_knees else self.effects
-
-    def effects_in(self, index: int) -> tuple[Effect, ...]:
-        """Return every effect that acts in a record, in the order of the chain."""
-        own = self.record_effects[index] if index < len(self.record_effects) else ()
-        return tuple(sorted((*self.actuator_effects(), *own), key=lambda effect: effect.place))
+    def n_owned(self) -> int:
+        """Number of columns that are plays of an effect."""
+        return int(np.count_nonzero(~self.columns.is_plain))
 
     def operator(self) -> OperatorSum:
         """Return the plain plays as slope, thresholds and weights."""
-        plain = ~np.isfinite(self.columns.knees_v)
+        plain = self.columns.is_plain
         thresholds, weights = self.columns.thresholds_v[plain], self.weights[plain]
         return OperatorSum(
             float(np.sum(weights[thresholds == 0.0])), thresholds[thresholds > 0.0], weights[thresholds > 0.0]
         )
 
-    def with_effect(self, effect: Effect, index: int | None = None) -> TrialModel:
-        """Return the chain with an effect set, of the actuator or of one record, in place of one of its kind."""
+    def actuator_effects(self) -> tuple[Effect, ...]:
+        """Return the effects of the actuator, each with the plays that are among the columns."""
+        return tuple(self._with_columns(effect) for effect in self.effects)
+
+    def _with_columns(self, effect: Effect) -> Effect:
+        mask = self.columns.owned_by(effect.name)
+        if not np.any(mask):
+            return effect
+        return effect.with_plays(self.columns.thresholds_v[mask], self.columns.knees_v[mask], self.weights[mask])
+
+    def effects_in(self, index: int) -> tuple[Effect, ...]:
+        """Return every effect that acts in a record, in the order of the chain."""
+        bound = self.record_effects[index] if index < len(self.record_effects) else ()
+        return in_chain_order((*self.actuator_effects(), *bound))
+
+    def start_of(self, index: int) -> Prehistory | None:
+        """Return what went before a record; None where it begins relaxed."""
+        return self.starts[index] if index < len(self.starts) else None
+
+    def causes_in(self, index: int | None) -> tuple[Cause, ...]:
+        """Return the causes of the actuator (None), or those that belong to one record, its past among them."""
         if index is None:
-            kept = tuple(e for e in self.effects if e.name != effect.name)
-            return replace(self, effects=(*kept, effect))
-        own = list(self.record_effects)
-        own[index] = (*(e for e in own[index] if e.name != effect.name), effect)
-        return replace(self, record_effects=tuple(own))
+            return self.effects
+        bound: tuple[Cause, ...] = self.record_effects[index] if index < len(self.record_effects) else ()
+        start = self.start_of(index)
+        return bound if start is None else (*bound, start)
+
+    def has(self, name: str, index: int | None = None) -> bool:
+        """Return whether a cause acts, in any record or in one; a plain rest is how a record begins, and no cause."""
+        return any(cause.name == name for _, cause in self.found(index))
+
+    def found(self, index: int | None = None) -> list[tuple[int | None, Cause]]:
+        """Return every cause with the record it belongs to (None: the actuator), or those of one record only.
+
+        A plain rest is how a record begins, and no cause.
+        """
+        pools = [None, *range(max(len(self.record_effects), len(self.starts)))] if index is None else [index]
+        return [
+            (at, cause)
+            for at in pools
+            for cause in self.causes_in(at)
+            if not (isinstance(cause, Prehistory) and cause.is_plain_rest)
+        ]
+
+    # --- the same with another part
+
+    def with_cause(self, cause: Cause, index: int | None = None) -> TrialModel:
+        """Return the model with a cause set, of the actuator or of one record, in place of one of its kind."""
+        if isinstance(cause, Prehistory):
+            assert index is not None
+            return self.with_start(index, cause)
+        assert isinstance(cause, Effect)
+        if index is None:
+            return replace(self, effects=(*(e for e in self.effects if e.name != cause.name), cause))
+        bound = tuple(e for e in self.record_effects[index] if e.name != cause.name)
+        return self.with_record_effects(index, (*bound, cause))
+
+    def with_record_effects(self, index: int, effects: tuple[Effect, ...]) -> TrialModel:
+        """Return the model with the effects of one record replaced."""
+        bound = list(self.record_effects)
+        bound[index] = effects
+        return replace(self, record_effects=tuple(bound))
+
+    def with_start(self, index: int, start: Prehistory | None) -> TrialModel:
+        """Return the model with what went before one record replaced."""
+        n_records = max(len(self.starts), len(self.record_effects), index + 1)
+        starts = [self.start_of(i) for i in range(n_records)]
+        starts[index] = start
+        return replace(self, starts=tuple(starts))
 
     def without(self, name: str, index: int | None = None) -> TrialModel:
-        """Return the chain without an effect, of the actuator and of every record or of one."""
-        own = tuple(
+        """Return the model without a cause, in the actuator and every record or in one record only."""
+        bound = tuple(
             tuple(e for e in effects if e.name != name or index not in (None, i))
             for i, effects in enumerate(self.record_effects)
         )
+        starts = tuple(
+            None if start is not None and start.name == name and index in (None, i) else start
+            for i, start in enumerate(self.starts)
+        )
         shared = tuple(e for e in self.effects if e.name != name) if index is None else self.effects
-        chain = replace(self, effects=shared, record_effects=own)
-        if name == AsymmetricHysteresis.name and self.has_knees:
-            plain = ~np.isfinite(self.columns.knees_v)
-            columns = ColumnKinds(
-                self.columns.thresholds_v[plain], self.columns.knees_v[plain], self.columns.kinds[plain]
-            )
-            chain = replace(chain, columns=columns, weights=self.weights[plain])
-        return chain
+        fewer = replace(self, effects=shared, record_effects=bound, starts=starts)
+        kept = ~self.columns.owned_by(name)
+        if index is not None or np.all(kept):
+            return fewer
+        return replace(fewer, columns=self.columns.chosen(kept), weights=self.weights[kept])
+
+    def alone(self, index: int) -> TrialModel:
+        """Return the model of one record only."""
+        return replace(self, record_effects=(self.record_effects[index],), starts=(self.start_of(index),))
+
+    def with_record_of(self, other: TrialModel, index: int, other_index: int = 0) -> TrialModel:
+        """Return the model with all that belongs to one record taken from a record of another model."""
+        changed = self.with_record_effects(index, other.record_effects[other_index])
+        return changed.with_start(index, other.start_of(other_index))
 
 
 def fit_modes(order: float) -> CreepModes:
@@ -157,40 +164,32 @@ def fit_modes(order: float) -> CreepModes:
     return creep_modes(min(max(order, 0.0), 1.0), FIT_ACCURACY)
 
 
-def start_state(operator: OperatorSum, order: float, effects: tuple[Effect, ...]) -> tuple[ModelState, int]:
-    """Return the state a record begins in, and where its creep block begins."""
-    hysteresis = hysteresis_block(operator)
-    packed = np.concatenate((hysteresis, creep_block(fit_modes(order))))
-    state = ModelState(packed, {effect.name: effect.initial_state() for effect in effects})
-    for effect in effects:
-        if isinstance(effect, InitialState):
-            settle_chain(state, hysteresis.size, effects, *effect.prehistory())
-    return state, hysteresis.size
+def relaxed_trial(trial: TrialModel, effects: tuple[Effect, ...]) -> tuple[ModelState, int]:
+    """Return the relaxed state of a model under fit, with these effects, and where the creep block begins in it."""
+    return relaxed_state(trial.operator(), fit_modes(trial.creep_order), effects)
 
 
-def predict(
-    chain: TrialModel, record: FitRecord, index: int, extra: tuple[Effect, ...] = (), is_coarse: bool = False
-) -> Array:
-    """Return the displacement [um] the chain gives for a record, offset not included, shape (n_samples,).
+def predict(trial: TrialModel, record: FitRecord, index: int, is_coarse: bool = False) -> Array:
+    """Return the displacement [um] a model under fit gives for a record, offset not included, shape (n_samples,).
 
     Args:
-        chain: the chain.
+        trial: the model.
         record: the record.
-        index: which record it is, for the effects that belong to it.
-        extra: further effects, each in place of one of its kind.
+        index: which record it is, for what belongs to it.
         is_coarse: divide the largest steps only.
     """
-    names = {effect.name for effect in extra}
-    effects = tuple(e for e in chain.effects_in(index) if e.name not in names) + extra
-    effects = tuple(sorted(effects, key=lambda effect: effect.place))
-    state, at_creep = start_state(chain.operator(), chain.creep_order, effects)
+    effects = trial.effects_in(index)
+    substeps = Substeps.JUMPS if is_coarse else asked_by(effects)
+    state, at_creep = relaxed_trial(trial, effects)
+    start = trial.start_of(index)
+    if start is not None:
+        settle_chain(state, at_creep, effects, start.drive(), asked_by(effects))
     return run_chain(
         state,
         at_creep,
         effects,
         record.steps_s,
         record.voltage_v,
-        temperature_c=record.recording.temperature_c,
-        cross=record.cross,
-        is_coarse=is_coarse,
+        substeps=substeps,
+        covariates=record.covariates,
     )

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.least_squares import non_negative_weights, normal_equations
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import centred, choose_starts, fit_base, record_columns, threshold_grid
+from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.element_fit import Polished, Starts, play_form_response, polish
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import centred, record_columns
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel
+from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.identification.element_count import merged, split
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form

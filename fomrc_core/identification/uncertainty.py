@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts
 from fomrc_core.fitting.element_fit import play_form_response
-from fomrc_core.fitting.trial_model import FitRecord
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.identification.convex import Fit
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording

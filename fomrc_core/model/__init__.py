@@ -4,12 +4,17 @@
 """
 
 __all__ = [
+    "causes",
     "compensator",
+    "inputs",
     "kernels",
     "literal_model",
     "piezo_model",
     "plain_kernels",
+    "prehistory",
     "record_start",
+    "simulation",
+    "state",
     "streaming",
     "substeps",
 ]

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import IS_COMPILED, compiled
-from fomrc_core.effects import Effect, Stage
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.kernels import knee_sum
-from fomrc_core.effects.initial_state import InitialState
+from fomrc_core.model.inputs import check_step, checked_inputs
 from fomrc_core.model.kernels import inverse, inverse_step
-from fomrc_core.model.piezo_model import ModelState, PiezoModel, _checked_inputs, check_step
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.state import ModelState
 from fomrc_core.operators.creep import creep_block, differentiate_step
 from fomrc_core.operators.hysteresis import HEADER, N_PLAYS, SLOPE, hysteresis_block, move_plays
 
@@ -83,11 +83,11 @@ class Compensator:
 
     def __init__(self, model: PiezoModel) -> None:
         self.model = model
-        inverted = {effect.name for effect in model.effects if effect.can_invert}
         self.not_inverted: tuple[tuple[str, str], ...] = tuple(
-            (effect.name, effect.inverse_note) for effect in model.effects if effect.name not in inverted
+            (cause.name, cause.inverse_note) for cause in model.causes if not cause.can_invert
         )
-        self._beside = model.of_stage(Stage.HYSTERESIS)
+        # plays with knees: what an effect beside the elements must be made of for it to be inverted
+        self._beside = [effect for effect in model.of_stage(Stage.HYSTERESIS) if effect.can_invert]
         undone = [effect for effect in reversed(model.effects) if effect.can_invert]
         self._before = [effect for effect in undone if effect.stage in (Stage.SENSED, Stage.MECHANICAL)]
         self._after = [effect for effect in undone if effect.stage in (Stage.SAMPLED_DRIVE, Stage.DRIVE)]
@@ -102,14 +102,7 @@ class Compensator:
     def initial_state(self) -> ModelState:
         """Return the relaxed state."""
         packed = np.concatenate((self._hysteresis, creep_block(self.model.creep_modes)))
-        return ModelState(
-            packed,
-            {
-                effect.name: effect.initial_state()
-                for effect in self.model.effects
-                if not isinstance(effect, InitialState)
-            },
-        )
+        return ModelState(packed, {effect.name: effect.initial_state() for effect in self.model.effects})
 
     def advance(
         self,
@@ -158,36 +151,34 @@ class Compensator:
             temperature_c: temperature [degC], shape (n_samples,), for effects that use it.
             cross: second axis, shape (n_samples,), for effects that use it.
         """
-        steps, wanted = _checked_inputs(steps_s, desired_um, "desired_um")
+        steps, wanted = checked_inputs(steps_s, desired_um, "desired_um")
         state = self.initial_state() if state is None else state
-        covariates = {"cross_axis": cross, "thermal_drift": temperature_c}
+        covariates = Covariates(temperature_c, cross)
         state.last_input = float(wanted[-1])
         for effect in self._before:
-            wanted = self._undo(effect, state, wanted, steps, covariates.get(effect.name))
+            wanted = self._undo(effect, state, wanted, steps, covariates)
         voltage = np.empty(wanted.size)
         if self._beside:
             self._run_beside(state, wanted, steps, voltage)
-            for beside in self._beside:
-                if isinstance(beside, AsymmetricHysteresis):
-                    voltage = beside.unwarp(voltage)
+            for beside in reversed(self._beside):
+                voltage = beside.unwarp(voltage)
         else:
             inverse(state.packed, self.at_creep, wanted, steps, voltage)
         for effect in self._after:
-            voltage = self._undo(effect, state, voltage, steps, None)
+            voltage = self._undo(effect, state, voltage, steps, covariates)
         return voltage
 
     @staticmethod
-    def _undo(effect: Effect, state: ModelState, values: Array, steps: Array, covariate: Array | None) -> Array:
-        return effect.invert(state.effects[effect.name], values, steps, covariate)
+    def _undo(effect: Effect, state: ModelState, values: Array, steps: Array, covariates: Covariates) -> Array:
+        return effect.invert(state.effects[effect.name], values, steps, covariates.of(effect.covariate))
 
     def _run_beside(self, state: ModelState, wanted: Array, steps: Array, voltage: Array) -> None:
         blocks = [state.effects[effect.name] for effect in self._beside]
         sizes = [int(block[0]) for block in blocks]
         parts = [block[1:].reshape(4, size) for block, size in zip(blocks, sizes, strict=True)]
         joined = np.concatenate(([float(sum(sizes))], np.hstack(parts).reshape(-1)))
-        last = float(state.effects.setdefault("last_voltage_v", np.zeros(1))[0])
-        _inverse_beside(state.packed, self.at_creep, joined, wanted, steps, last, voltage)
-        state.effects["last_voltage_v"][0] = voltage[-1]
+        _inverse_beside(state.packed, self.at_creep, joined, wanted, steps, state.last_voltage_v, voltage)
+        state.last_voltage_v = float(voltage[-1])
         plays = joined[1:].reshape(4, sum(sizes))[3]
         for block, part in zip(blocks, np.split(plays, np.cumsum(sizes)[:-1]), strict=True):
             block[1 + 3 * int(block[0]) :] = part

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.effects.initial_state import InitialState
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.effects import Covariates
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.model.state import ModelState
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import residual_um, rms
 
@@ -45,8 +47,7 @@ def relaxed_start(model: PiezoModel, recording: Recording) -> RecordStart:
 
     Only the offset is estimated, where there is a displacement to estimate it from.
     """
-    has_own = any(isinstance(effect, InitialState) for effect in model.effects)
-    description = "as the model's initial_state says" if has_own else "relaxed"
+    description = "relaxed" if model.start is None else "as the model's initial_state says"
     return _start(model, recording, model.initial_state(), description)[0]
 
 
@@ -61,13 +62,13 @@ def estimate_start(model: PiezoModel, recording: Recording) -> RecordStart:
         model: the actuator.
         recording: what was applied and, where known, what came of it.
     """
-    if recording.displacement_um is None or any(isinstance(effect, InitialState) for effect in model.effects):
+    if recording.displacement_um is None or model.start is not None:
         return relaxed_start(model, recording)
     starts = []
     for history, description in _histories(recording):
         state = model.initial_state()
         if history is not None:
-            model.settle(state, *history.prehistory())
+            model.settle(state, *history.drive())
         starts.append(_start(model, recording, state, description))
     return min(starts, key=lambda start: start[1])[0]
 
@@ -84,32 +85,30 @@ def simulate_from(
         n_samples: how many samples to simulate; all of them unless told.
     """
     part = slice(n_samples)
-    second = recording.cross_displacement_um
-    second = recording.cross_voltage_v if second is None else second
-    temperature = recording.temperature_c
+    covariates = Covariates.of_recording(recording).part(part)
     moved_um = model.simulate(
         recording.steps_s[part],
         recording.voltage_v[part],
         start.state.copy(),
-        temperature_c=None if temperature is None else temperature[part],
-        cross=None if second is None else second[part],
+        temperature_c=covariates.temperature_c,
+        cross=covariates.cross,
     )
     return moved_um + start.offset_um
 
 
-def _histories(recording: Recording) -> Iterator[tuple[InitialState | None, str]]:
+def _histories(recording: Recording) -> Iterator[tuple[Prehistory | None, str]]:
     first_v = float(recording.voltage_v[0])
     yield None, "relaxed"
     if first_v != 0.0:
-        yield InitialState(first_v, first_v, _MOMENT_S, _LONG_S), f"rested at {first_v:g} V"
+        yield Prehistory(first_v, first_v, _MOMENT_S, _LONG_S), f"rested at {first_v:g} V"
     for extreme_v in (float(np.max(recording.voltage_v)), float(np.min(recording.voltage_v))):
         if extreme_v == first_v:
             continue
         way = f"from {extreme_v:g} V to {first_v:g} V"
-        yield InitialState(extreme_v, first_v, _MOMENT_S, _MOMENT_S), f"come just {way}"
+        yield Prehistory(extreme_v, first_v, _MOMENT_S, _MOMENT_S), f"come just {way}"
         # On the way from zero to the first voltage nothing turns: long after it is as after a plain rest.
         if not min(0.0, first_v) <= extreme_v <= max(0.0, first_v):
-            yield InitialState(extreme_v, first_v, _MOMENT_S, _LONG_S), f"come long ago {way}"
+            yield Prehistory(extreme_v, first_v, _MOMENT_S, _LONG_S), f"come long ago {way}"
 
 
 def _start(model: PiezoModel, recording: Recording, state: ModelState, description: str) -> tuple[RecordStart, float]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.state import ModelState
 
 Array = NDArray[np.float64]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,13 +14,22 @@ Array = NDArray[np.float64]
 
 N_SUBSTEPS = 5
 N_PARTS_LARGE = 8
-N_PARTS_RINGING = 20
+N_PARTS_FEW = 4
 LARGE_CHANGE = 0.02  # of the largest threshold
 SMALL_CHANGE = 1e-3
 
 # Creep after a jump D bends by about D a / m^2 in the m-th step after it (a: creep order, a few hundredths).
 _BEND_AFTER = 0.1
 _BEND_FADES = 0.5
+
+
+class Substeps(Enum):
+    """How finely steps are divided; the drive is linear within a step."""
+
+    NONE = "none"  # from sample to sample: what the compensator undoes to rounding
+    FEW = "few"  # jumps, in few parts: for directions of a fit
+    JUMPS = "jumps"  # jumps alone
+    BENDS = "bends"  # every step in which the elements bend, and those after a jump in which creep does
 
 
 @compiled
@@ -30,7 +41,7 @@ def _with_bend_after(size: Array, bend: float, out: Array) -> float:
 
 
 def parts_of_steps(
-    change_v: Array, scale_v: float, effects: tuple[Effect, ...], is_coarse: bool, bend_v: float = 0.0
+    change_v: Array, scale_v: float, effects: tuple[Effect, ...], substeps: Substeps, bend_v: float = 0.0
 ) -> tuple[NDArray[np.int64], float]:
     """Return into how many equal parts each step is divided, shape (n_samples,), and the bend left for the next [V].
 
@@ -41,22 +52,29 @@ def parts_of_steps(
     Args:
         change_v: change of the drive over each step [V], shape (n_samples,).
         scale_v: largest threshold of the plays [V].
-        effects: effects of the chain.
-        is_coarse: divide the largest steps only.
+        effects: effects of the chain, which may ask for more parts.
+        substeps: how finely.
         bend_v: bend left over from the steps before [V].
     """
     size = np.abs(change_v)
-    if is_coarse or not any(effect.needs_substeps for effect in effects):
-        return np.where(size > LARGE_CHANGE * scale_v, N_PARTS_LARGE, 1), 0.0
+    if substeps is Substeps.NONE:
+        return np.ones(size.size, dtype=np.int64), 0.0
+    if substeps is not Substeps.BENDS:
+        n_parts = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
+        return np.where(size > LARGE_CHANGE * scale_v, n_parts, 1), 0.0
     bent = np.empty(size.size)
     bend_v = _with_bend_after(size, bend_v, bent)
     parts = np.where(bent > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1)
     parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
-    if {"mechanical_resonance", "transport_delay"} <= {effect.name for effect in effects}:
-        # The delay is read between the parts, as on a straight line: at a third of the sample rate a fifth of a sample
-        # is 2 % of the ringing off, a twentieth 0.1 %.
-        parts = np.maximum(parts, N_PARTS_RINGING)
-    return parts, bend_v
+    least = max((effect.least_parts(effects) for effect in effects), default=1)
+    return np.maximum(parts, least), bend_v
+
+
+def asked_by(effects: tuple[Effect, ...]) -> Substeps:
+    """Return how finely effects ask for steps to be divided."""
+    if any(effect.needs_substeps for effect in effects):
+        return Substeps.BENDS
+    return Substeps.JUMPS
 
 
 def subdivide(

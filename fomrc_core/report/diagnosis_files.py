@@ -79,8 +79,8 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "nrmse_percent_test": diagnosis.final_test_percent,
             "creep_order": model.creep_order,
             "n_elements": model.n_elements,
-            "effects": [effect.name for effect in model.effects],
-            "not_inverted": {e.name: e.inverse_note for e in model.effects if not e.can_invert},
+            "effects": [cause.name for cause in model.causes],
+            "not_inverted": {cause.name: cause.inverse_note for cause in model.causes if not cause.can_invert},
         },
         "noise": {
             "differences_um": diagnosis.noise.differences_um,

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from fomrc_core.effects import effect_classes
+from fomrc_core.model.causes import cause_classes
 
 if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
@@ -99,7 +99,7 @@ def _simulated(diagnosis: Diagnosis) -> str:
 
 
 def _cause(number: int, finding: Finding) -> str:
-    kind = effect_classes()[finding.cause]
+    kind = cause_classes()[finding.cause]
     rows: list[str] = []
     for spec in kind.parameters:
         if spec.name not in finding.parameters:
@@ -153,7 +153,7 @@ def _detectable(diagnosis: Diagnosis) -> Iterator[str]:
     for name, sizes in sorted(diagnosis.smallest_detectable.items()):
         if name in found:
             continue
-        kind = effect_classes()[name]
+        kind = cause_classes()[name]
         units = {spec.name: spec.unit for spec in kind.parameters}
         side = "below" if kind.size_exponent < 0.0 else "above"
         for parameter, value in sizes.items():
@@ -171,11 +171,11 @@ def _model(diagnosis: Diagnosis) -> Iterator[str]:
     model = diagnosis.extended_model
     yield (
         f"<p><code>extended_model.yaml</code>: {model.n_elements} elements, creep order {model.creep_order:.4g}"
-        + (", with " if model.effects else ", no effects")
-        + ", ".join(f"<code>{html.escape(effect.name)}</code>" for effect in model.effects)
+        + (", with " if model.causes else ", no effects")
+        + ", ".join(f"<code>{html.escape(cause.name)}</code>" for cause in model.causes)
         + ". It runs as it is in <code>fomrc simulate</code>, <code>fomrc compensate</code> and the ROS nodes.</p>"
     )
-    notes = [f"<li><code>{e.name}</code>: {html.escape(e.inverse_note)}</li>" for e in model.effects]
+    notes = [f"<li><code>{e.name}</code>: {html.escape(e.inverse_note)}</li>" for e in model.causes]
     if notes:
         yield f"<p>What the compensator does with it:</p><ul>{''.join(notes)}</ul>"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fomrc_core.effects import effect_classes
 from fomrc_core.errors import ParameterError
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_ros.node.parameters import Kind, ParameterSpec
 
@@ -45,7 +45,7 @@ def effect_spec(name: str) -> ParameterSpec | None:
     if not name.startswith(PREFIX):
         return None
     effect_name, _, parameter_name = name[len(PREFIX) :].partition(".")
-    kind = effect_classes().get(effect_name)
+    kind = cause_classes().get(effect_name)
     if kind is None:
         return None
     for parameter in kind.parameters:
@@ -69,7 +69,7 @@ def effect_spec(name: str) -> ParameterSpec | None:
 
 def parameters_of_effects(values: Mapping[str, Any]) -> list[str]:
     """Return the full names of all parameters of the effects the values name; unknown effects are left out."""
-    kinds = effect_classes()
+    kinds = cause_classes()
     return [
         f"{PREFIX}{effect_name}.{parameter.name}"
         for effect_name in values.get("model.effects") or ()

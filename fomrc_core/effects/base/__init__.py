@@ -4,7 +4,11 @@ Kernels that several effects share live here too; every other file of ``effects`
 """
 
 __all__ = [
+    "cause",
+    "covariates",
+    "discovery",
     "effect",
     "evidence",
     "kernels",
+    "parameter",
 ]

@@ -1,114 +1,55 @@
-"""What an effect is: its place in the chain, its parameters, its response, its inverse, and how it shows."""
+"""What an effect is: a cause with a place in the chain, a response, and where there is one an inverse."""
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from abc import abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.effects.base.covariates import Covariate
+from fomrc_core.effects.base.parameter import Parameter
 from fomrc_core.errors import ParameterError
+
+__all__ = ["Array", "Effect", "Parameter", "Stage", "in_chain_order"]
 
 Array = NDArray[np.float64]
 
 
-class Place(IntEnum):
-    """Where in the chain an effect acts; the chain runs in this order."""
-
-    DAC_QUANTIZATION = 1
-    AMPLIFIER_SLEW_LIMIT = 2
-    AMPLIFIER_BANDWIDTH = 3
-    AMPLIFIER_SATURATION = 4
-    DEAD_ZONE = 5
-    HYSTERESIS = 6  # acts beside the Maxwell elements: its output is added to theirs, before creep
-    INITIAL_STATE = 7  # the state in which the record begins
-    SLOW_RELAXATION = 8
-    MECHANICAL_RESONANCE = 9
-    TRANSPORT_DELAY = 10
-    CLOCK_SKEW = 11
-    EXTERNAL_LOAD = 12
-    CROSS_AXIS = 13
-    THERMAL_DRIFT = 14
-    GAIN_DRIFT = 15
-    SENSOR_NONLINEARITY = 16
-    MAINS_HUM = 17
-
-
 class Stage(IntEnum):
-    """Which part of the chain a place belongs to."""
+    """Which part of the chain an effect acts in; the chain runs in this order."""
 
     SAMPLED_DRIVE = 0  # on the drive at the samples
     DRIVE = 1  # on the drive between the samples as well
-    HYSTERESIS = 2
-    START = 3
-    MECHANICAL = 4  # on the displacement, between the samples as well
-    SENSED = 5  # on the displacement at the samples
+    HYSTERESIS = 2  # beside the Maxwell elements: its output is added to theirs, before creep
+    MECHANICAL = 3  # on the displacement, between the samples as well
+    SENSED = 4  # on the displacement at the samples
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One parameter of an effect.
-
-    Attributes:
-        name: field name, carrying its unit.
-        unit: unit as text.
-        lower: smallest value allowed.
-        upper: largest value allowed.
-        is_log: whether a fit moves its logarithm (positive scales).
-        is_list: whether it is a list of values, each within the bounds.
-        description: what it is.
-        difference: share of the value by which a fit moves it to see what it does; 0 for the usual one.
-    """
-
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    is_log: bool = False
-    is_list: bool = False
-    description: str = ""
-    difference: float = 0.0
-
-
-@dataclass(frozen=True)
-class Effect(ABC):
+class Effect(Cause):
     """A physical effect beside hysteresis and creep.
 
     A subclass is a frozen dataclass whose fields are its parameters; one file per effect.
     The state is one float64 array of fixed size, owned by the model's state.
     """
 
-    name: ClassVar[str]
-    place: ClassVar[Place]
     stage: ClassVar[Stage]
-    parameters: ClassVar[tuple[Parameter, ...]]
-    main_parameter: ClassVar[str]
-    meaning: ClassVar[str]
-    signature: ClassVar[str]
-    experiment: ClassVar[str]
-    inverse_note: ClassVar[str]
-    needs_substeps: ClassVar[bool] = False
-    can_invert: ClassVar[bool] = False
-    is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
-    linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
-    size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small effects
-    is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
-    held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
+    order: ClassVar[float]  # within the stage, smaller acts earlier; ours stand at 10, 20, ...
+    covariate: ClassVar[Covariate | None] = None  # what it reads beside its input
+    needs_substeps: ClassVar[bool] = False  # whether it matters to it how its input runs within a step
+    rings: ClassVar[bool] = False  # whether its response to a jump swings within few samples
+    owns_columns: ClassVar[bool] = False  # its plays are columns of a fit's linear part, see ``plays``
+    slope_depends_on_input: ClassVar[bool] = False  # whether ``linearized`` looks at its ``values``
 
-    def __post_init__(self) -> None:
-        for spec in self.parameters:
-            value = getattr(self, spec.name)
-            where = f"{self.name}.{spec.name}"
-            values = list(value) if spec.is_list and isinstance(value, (list, tuple, np.ndarray)) else [value]
-            if spec.is_list and values == [value]:
-                raise ParameterError("not a list", where=where, value=value, allowed="a list of numbers")
-            checked = [_checked(v, spec, where) for v in values]
-            object.__setattr__(self, spec.name, tuple(checked) if spec.is_list else checked[0])
+    # --- in the chain
+
+    # --- in the chain
 
     def __str__(self) -> str:
         values = ((spec.name, getattr(self, spec.name)) for spec in self.parameters)
@@ -125,91 +66,78 @@ class Effect(ABC):
 
         Args:
             state: from ``initial_state`` or a former call; changed in place.
-            values: drive [V] or displacement [um], whichever the place carries, shape (n_samples,).
+            values: drive [V] or displacement [um], whichever the stage carries, shape (n_samples,).
             steps_s: step that leads to each sample [s], any lengths, shape (n_samples,).
-            covariate: temperature [degC] or the second axis, for the effects that use them.
+            covariate: the signal named by the class's ``covariate``, where it is known, shape (n_samples,).
         """
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the input that gives the wanted output; only where ``can_invert``.
+
+        A compensator inverts effects of the hysteresis stage together with the elements: they need no ``invert``, but a
+        state that is a ``knee_block`` (kernels.py).
 
         Raises:
             ParameterError: the effect has no inverse.
         """
         raise ParameterError("effect has no inverse", where=self.name, allowed=self.inverse_note)
 
-    def free_names(self) -> tuple[str, ...]:
-        """Return the parameters a fit moves; a linear one that stands at zero is held there."""
-        return tuple(
-            spec.name
-            for spec in self.parameters
-            if not spec.is_list
-            and spec.name not in self.held_parameters
-            and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
-        )
+    def warp(self, drive_v: Array) -> Array:
+        """Return the drive [V] as the elements see it; only effects of the hysteresis stage are asked."""
+        return drive_v
 
-    def belongs_to_record(self) -> bool:
-        """Return whether the parameters belong to one record and not to the actuator."""
-        return self.is_record_bound
+    def unwarp(self, warped_v: Array) -> Array:
+        """Return the drive [V] that ``warp`` turns into this one."""
+        return warped_v
 
-    def is_plausible(self, duration_s: float) -> bool:
-        """Return whether records of this length [s] can show the effect with these parameters."""
-        return True
+    @classmethod
+    def acts_before_record(cls) -> bool:
+        """Return whether it acts on what went before a record, too; what a record's clock starts does not."""
+        return cls.stage in (Stage.DRIVE, Stage.HYSTERESIS, Stage.MECHANICAL)
 
-    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
-        """Return whether a record's residual, this effect left in it, shows what the effect must show.
+    def least_parts(self, effects: tuple[Effect, ...]) -> int:
+        """Return into how many parts each step is at least divided for it.
 
         Args:
-            time_s: time since the first sample [s], shape (n_samples,).
-            voltage_v: drive [V], shape (n_samples,).
-            residual_um: measured minus the model without this effect [um], shape (n_samples,).
+            effects: all effects of the chain, this one among them.
         """
-        return True
+        return 1
 
-    def scale_of(self, name: str, value: float) -> float:
-        """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
-        return abs(value) if value != 0.0 else 1.0
+    # --- in a fit
 
-    @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return trial instances whose signatures a diagnosis compares with what the model left over."""
-        return []
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the first-order change of the output for small changes of the input, (n_samples, n_changes).
 
-    @classmethod
-    def from_mapping(cls, mapping: Any, where: str) -> Effect:
-        """Return the effect with these parameters; raises ParameterError naming the key at fault."""
-        known = {spec.name for spec in cls.parameters}
-        if not isinstance(mapping, dict):
-            raise ParameterError("not a mapping", where=where, value=mapping, allowed=", ".join(sorted(known)))
-        for key in mapping:
-            if key not in known:
-                raise ParameterError("unknown parameter", where=where, value=key, allowed=", ".join(sorted(known)))
-        required = {f.name for f in fields(cls) if f.name in known and not _has_default(f)}
-        for key in sorted(required - set(mapping)):
-            raise ParameterError(f"parameter {key} is missing", where=where, allowed=", ".join(sorted(known)))
-        return cls(**mapping)
+        By default a mechanical effect is taken as linear and at rest, so that changes pass it like displacements, and
+        an effect on the sensor as something added, which leaves changes as they are.
 
-    def to_mapping(self) -> dict[str, float | list[float]]:
-        """Return the parameters as plain numbers and lists, as a model file holds them."""
-        values = {spec.name: getattr(self, spec.name) for spec in self.parameters}
-        # ROS cannot tell the type of an empty list, so an empty one is left out
-        return {
-            name: list(value) if isinstance(value, tuple) else float(value)
-            for name, value in values.items()
-            if value != ()
-        }
+        Args:
+            changes: changes of the input at each sample, shape (n_samples, n_changes).
+            steps_s: step that leads to each sample [s], shape (n_samples,).
+            values: the input itself [um], shape (n_samples,), for effects with ``slope_depends_on_input``.
+        """
+        if self.stage is not Stage.MECHANICAL:
+            return changes
+        passed = np.empty_like(changes)
+        for column in range(changes.shape[1]):
+            one = np.ascontiguousarray(changes[:, column])
+            passed[:, column] = self.run(self.initial_state(), one, steps_s)
+        return passed
 
+    def plays(self) -> tuple[Array, Array, Array]:
+        """Return thresholds [V], knees [V] and weights [um/V] of its plays, for effects that own columns.
 
-def _has_default(field: Any) -> bool:
-    from dataclasses import MISSING
+        A fit takes such plays for columns of its linear part: the effect it moves holds none, and gets them back, with
+        their weights, by ``with_plays``.
+        """
+        nothing = np.zeros(0)
+        return nothing, nothing, nothing
 
-    return field.default is not MISSING or field.default_factory is not MISSING
+    def with_plays(self, thresholds_v: Array, knees_v: Array, weights_um_per_v: Array) -> Effect:
+        """Return the effect with these plays in place of its own."""
+        return self
 
 
-def _checked(value: Any, spec: Parameter, where: str) -> float:
-    allowed = f"{spec.lower:g} to {spec.upper:g} {spec.unit}"
-    if isinstance(value, (bool, str)) or not isinstance(value, (int, float, np.floating, np.integer)):
-        raise ParameterError("not a number", where=where, value=value, allowed=allowed)
-    if not (math.isfinite(value) and spec.lower <= value <= spec.upper):
-        raise ParameterError("out of range", where=where, value=float(value), allowed=allowed)
-    return float(value)
+def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return effects in the order in which they act."""
+    return tuple(sorted(effects, key=lambda effect: (effect.stage, effect.order, effect.name)))

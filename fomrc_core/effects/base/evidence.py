@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.effects.base.covariates import NO_COVARIATES, Covariate, Covariates
 from fomrc_core.records.drive import n_loop_kinds
 
 Array = NDArray[np.float64]
@@ -22,8 +23,7 @@ class RecordEvidence:
         voltage_v: drive [V].
         predicted_um: displacement the present model gives [um].
         residual_um: measured minus predicted [um], offset removed.
-        has_temperature: whether the temperature was recorded.
-        has_second_axis: whether a second axis was recorded.
+        covariates: what was recorded beside drive and displacement.
     """
 
     time_s: Array
@@ -31,8 +31,11 @@ class RecordEvidence:
     voltage_v: Array
     predicted_um: Array
     residual_um: Array
-    has_temperature: bool = False
-    has_second_axis: bool = False
+    covariates: Covariates = NO_COVARIATES
+
+    def has(self, covariate: Covariate) -> bool:
+        """Return whether this signal was recorded."""
+        return self.covariates.of(covariate) is not None
 
 
 @dataclass(frozen=True, eq=False)

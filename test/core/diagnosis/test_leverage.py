@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fomrc_core.diagnosis.leverage import determined
-from fomrc_core.fitting.base_fit import squared_error
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.linear_part import squared_error
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
 

@@ -14,13 +14,14 @@ from fomrc_core.diagnosis.record_effects import fit_one_record, sought_again
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.external_load import ExternalLoad
-from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.effects.thermal_drift import ThermalDrift
-from fomrc_core.fitting.base_fit import residuals, squared_error, tangent
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import fit_until_still, refit
+from fomrc_core.fitting.linear_part import residuals, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import FitRecord, TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.excitation import multisine, triangle
 from fomrc_core.records.recording import Recording
 
@@ -36,7 +37,7 @@ def _measured(chain: TrialModel, voltage_v: np.ndarray, rate_hz: float, seed: in
 
 def _evidence(record: Recording, residual_um: np.ndarray) -> Evidence:
     steps_s = np.full(record.time_s.size, record.sample_period_s)
-    own = RecordEvidence(record.time_s, steps_s, record.voltage_v, record.measured_um, residual_um, False, False)
+    own = RecordEvidence(record.time_s, steps_s, record.voltage_v, record.measured_um, residual_um)
     return Evidence((own,), NOISE_UM)
 
 
@@ -44,15 +45,15 @@ def _evidence(record: Recording, residual_um: np.ndarray) -> Evidence:
     ("extreme_v", "held_s", "resting_s"), [(2.2, 0.7, 0.06), (-1.4, 12.0, 1.5), (0.9, 1.4, 0.15), (2.9, 0.5, 0.05)]
 )
 def test_a_past_is_found_from_trials_that_know_neither_its_size_nor_its_times(extreme_v, held_s, resting_s):
-    past = InitialState(extreme_v, 0.0, held_s, resting_s)
+    past = Prehistory(extreme_v, 0.0, held_s, resting_s)
     drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0)
-    record = _measured(PLAIN.with_effect(past, 0), drive.voltage_v, 200.0, 1)
+    record = _measured(PLAIN.with_start(0, past), drive.voltage_v, 200.0, 1)
     prepared = (FitRecord.of(record),)
-    trials = [e for e in InitialState.screening(_evidence(record, record.measured_um)) if isinstance(e, InitialState)]
+    trials = [e for e in Prehistory.screening(_evidence(record, record.measured_um)) if isinstance(e, Prehistory)]
     start = with_searched_past(PLAIN, 0, trials, lambda c: squared_error(prepared, residuals(c, prepared)))
     fitted = refit(start, prepared)
-    found = fitted.chain.record_effects[0][0]
-    assert isinstance(found, InitialState)
+    found = fitted.chain.start_of(0)
+    assert found is not None
     assert found.extreme_v == pytest.approx(extreme_v, rel=0.02)
     assert np.sqrt(fitted.squared_error / record.time_s.size) < 1.02 * NOISE_UM
 
@@ -62,9 +63,9 @@ def test_the_frequency_of_a_hum_is_fitted_over_many_of_its_periods():
     n = int(rate_hz * duration_s)
     drive = multisine(1.0, lowest_hz=0.1, highest_hz=5.0, period_s=20.0, n_periods=3, rate_hz=rate_hz).voltage_v[:n]
     hum = MainsHum(78.774, 0.01, 0.6)
-    record = _measured(PLAIN.with_effect(hum, 0), drive, rate_hz, 2)
+    record = _measured(PLAIN.with_cause(hum, 0), drive, rate_hz, 2)
     # a quarter of a turn at the end of the record
-    start = PLAIN.with_effect(replace(hum, frequency_hz=hum.frequency_hz + 0.25 / duration_s, amplitude_um=0.007), 0)
+    start = PLAIN.with_cause(replace(hum, frequency_hz=hum.frequency_hz + 0.25 / duration_s, amplitude_um=0.007), 0)
     fitted = refit(start, (FitRecord.of(record),))
     found = fitted.chain.record_effects[0][0]
     assert isinstance(found, MainsHum)
@@ -88,7 +89,7 @@ def test_a_load_found_wrong_in_one_record_is_sought_again():
     drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=4, rate_hz=200.0).voltage_v
     duration_s = drive.size / 200.0
     loads = ExternalLoad(-0.015, 0.6 * duration_s), ExternalLoad(-0.015, 0.5 * duration_s)
-    records = [_measured(PLAIN.with_effect(load, 0), drive, 200.0, 4 + k) for k, load in enumerate(loads)]
+    records = [_measured(PLAIN.with_cause(load, 0), drive, 200.0, 4 + k) for k, load in enumerate(loads)]
     split: DataSplit = split_data(tuple(records), None, None, NOISE_UM)
     wrong = replace(loads[1], displacement_um=-0.010, release_s=0.55 * duration_s)
     both = replace(PLAIN, record_effects=((loads[0],), (wrong,)))
@@ -107,7 +108,7 @@ def test_a_load_found_wrong_in_one_record_is_sought_again():
 )
 def test_a_drift_is_fitted_in_the_form_it_has(drift):
     drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=4, rate_hz=400.0).voltage_v
-    record = _measured(PLAIN.with_effect(drift, 0), np.tile(drive, 2), 400.0, 7)
+    record = _measured(PLAIN.with_cause(drift, 0), np.tile(drive, 2), 400.0, 7)
     split = split_data((record,), record, None, NOISE_UM)
     plain = replace(PLAIN, record_effects=((), ()))
     chain = refit(plain, split.train).chain
@@ -121,10 +122,10 @@ def test_a_drift_is_fitted_in_the_form_it_has(drift):
 
 
 def test_a_past_is_sought_from_those_of_the_other_records_too():
-    past = InitialState(1.1, 0.0, 5.1, 0.43)
+    past = Prehistory(1.1, 0.0, 5.1, 0.43)
     drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0)
-    record = FitRecord.of(_measured(PLAIN.with_effect(past, 0), drive.voltage_v, 200.0, 8))
-    known = replace(PLAIN, record_effects=((past,), ()))
-    (found,) = fit_one_record(known, record, 1, {"initial_state"}).record_effects[1]
-    assert isinstance(found, InitialState)
+    record = FitRecord.of(_measured(PLAIN.with_start(0, past), drive.voltage_v, 200.0, 8))
+    known = replace(PLAIN, record_effects=((), ()), starts=(past, None))
+    found = fit_one_record(known, record, 1, {"initial_state"}).start_of(1)
+    assert found is not None
     assert found.extreme_v == pytest.approx(past.extreme_v, rel=0.02)

@@ -88,9 +88,9 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
     first = _contender(split, "mechanical_resonance", 3.91, 3.20, n_free=2)
     rival = _contender(split, "amplifier_bandwidth", 3.66, 3.19)
-    none_yet = first.fitted.chain.with_effect(MechanicalResonance(433.0, 0.68))
+    none_yet = first.fitted.chain.with_cause(MechanicalResonance(433.0, 0.68))
     steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
-    both = none_yet.with_effect(AmplifierBandwidth(112.0))
+    both = none_yet.with_cause(AmplifierBandwidth(112.0))
     plain = first.fitted.chain
     poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
 

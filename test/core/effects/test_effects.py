@@ -9,7 +9,7 @@ import pytest
 from random_models import relative
 from scipy.integrate import solve_ivp
 
-from fomrc_core.effects import Place, Stage, effect_class, effect_classes
+from fomrc_core.effects import Stage, effect_classes
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.amplifier_saturation import AmplifierSaturation
 from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
@@ -20,7 +20,6 @@ from fomrc_core.effects.dac_quantization import DacQuantization
 from fomrc_core.effects.dead_zone import DeadZone
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.gain_drift import GainDrift
-from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.missing_hysteresis import MissingHysteresis
@@ -29,8 +28,10 @@ from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.errors import InputError
+from fomrc_core.model.causes import cause_class
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.state import ModelState
 
 EFFECTS = [
     ClockSkew(ppm=-300.0),
@@ -41,7 +42,6 @@ EFFECTS = [
     DeadZone(half_width_v=0.03),
     AsymmetricHysteresis((0.0, 0.2), (0.1, -0.3), (0.05, -0.04)),
     MissingHysteresis(5.0, (0.1, 0.4), (0.1, 0.05)),
-    InitialState(extreme_v=1.5, resting_v=0.1, held_s=2.0, resting_s=7.0),
     SlowRelaxation(amplitude=0.1, time_constant_s=0.05),
     MechanicalResonance(frequency_hz=120.0, damping_ratio=0.05),
     TransportDelay(delay_s=0.0033),
@@ -135,7 +135,7 @@ def test_saved_state_goes_on(effect):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_mapping_round_trip(effect):
-    back = effect_class(effect.name).from_mapping(json.loads(json.dumps(effect.to_mapping())), "here")
+    back = effect_classes()[effect.name].from_mapping(json.loads(json.dumps(effect.to_mapping())), "here")
     assert back == effect
 
 
@@ -155,7 +155,7 @@ def test_every_effect_describes_itself(kind):
     assert set(kind.linear_parameters) <= {p.name for p in kind.parameters}
     for text in (kind.meaning, kind.signature, kind.experiment, kind.inverse_note):
         assert len(text) > 10
-    assert isinstance(kind.place, Place)
+    assert isinstance(kind.order, float)
     assert isinstance(kind.stage, Stage)
     for parameter in kind.parameters:
         assert parameter.lower < parameter.upper
@@ -342,20 +342,6 @@ def test_knees_and_added_plays_by_their_law():
     assert relative(effect.run(effect.initial_state(), values, np.ones(300)), plain) <= 1e-13
 
 
-def test_initial_state_is_what_its_prehistory_leaves():
-    effect = InitialState(extreme_v=2.0, resting_v=-0.3, held_s=3.0, resting_s=10.0)
-    steps_s, voltage_v, _ = record(0.0)
-    found = MODEL.with_effects(effect).simulate(steps_s, voltage_v)
-    # the same prehistory on a fine uniform grid: two ramps of 0.2 s and the two holds
-    up, down = np.linspace(0.01, 2.0, 200), np.linspace(2.0 - 0.0115, -0.3, 200)
-    fine, before = 1e-3, np.concatenate((up, np.full(3000, 2.0), down, np.full(10_000, -0.3)))
-    bystander = MODEL.with_effects(GainDrift(per_s=0.0))  # so that large steps are divided in both
-    wanted = bystander.simulate(
-        np.concatenate((np.full(before.size, fine), steps_s)), np.concatenate((before, voltage_v))
-    )
-    assert relative(found, wanted[before.size :]) <= 1e-5
-
-
 # --- bad input -----------------------------------------------------------------------------------------------------
 
 
@@ -396,7 +382,7 @@ def test_contradictions_are_named():
     with pytest.raises(InputError, match="length"):
         MissingHysteresis(1.0, (0.1,), ())
     with pytest.raises(InputError, match="unknown effect"):
-        effect_class("nonsense")
+        cause_class("nonsense", "model.effects")
     effect = TransportDelay(0.1)
     with pytest.raises(InputError, match="no inverse"):
         effect.invert(effect.initial_state(), np.ones(2), np.ones(2))

@@ -20,7 +20,8 @@ from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.state import ModelState
 
 ORDERS = st.one_of(st.sampled_from([0.0, 1e-6, 0.015, 0.2]), st.floats(0.0, 0.2))
 MODEL = PiezoModel([10.0, 4.0, 7.0, 1.5], [0.02, 0.1, 0.3], 0.02)

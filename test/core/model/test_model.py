@@ -18,11 +18,12 @@ from hypothesis import strategies as st
 from random_models import elements, relative, signals, steps
 
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
-from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.errors import InputError
 from fomrc_core.model.compensator import Compensator
-from fomrc_core.model.piezo_model import ModelState, PiezoModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.model.state import ModelState
 from fomrc_core.operators.creep_full_memory import creep_full_memory
 from fomrc_core.operators.hysteresis import hysteresis_block, move_plays_batch
 
@@ -161,7 +162,7 @@ def test_plain_python_equals_compiled(order, jitter, with_effects):
     table = table_1()
     model = PiezoModel(table.kappa_um_per_v, table.saturation_v, order)
     if with_effects:
-        model = model.with_effects(AmplifierBandwidth(cutoff_hz=30.0), InitialState(1.0, 0.2, 2.0, 3.0))
+        model = model.with_effects(AmplifierBandwidth(cutoff_hz=30.0)).with_start(Prehistory(1.0, 0.2, 2.0, 3.0))
     u = np.round(np.cumsum(0.1 * rng.standard_normal(80)), 2)
     dt = 1e-3 * (1.0 + jitter * rng.uniform(-1.0, 1.0, u.size))
     work = {"model": model.to_mapping(), "voltage_v": u.tolist(), "steps_s": dt.tolist()}

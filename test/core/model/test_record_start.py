@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fomrc_core.effects.initial_state import InitialState
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.record_start import estimate_start, relaxed_start, simulate_from
 from fomrc_core.records.recording import Recording
 
@@ -71,7 +71,7 @@ def test_without_displacement_there_is_nothing_to_choose() -> None:
 
 def test_the_models_own_initial_state_is_used() -> None:
     record, truth_um = _record([2.0, 1.0], 0.5)
-    model = _MODEL.with_effects(InitialState(2.0, 1.0, 0.2, 0.5))
+    model = _MODEL.with_start(Prehistory(2.0, 1.0, 0.2, 0.5))
     start = estimate_start(model, record)
     assert start.description == "as the model's initial_state says"
     np.testing.assert_allclose(simulate_from(model, record, start), truth_um, atol=5e-3)

@@ -1,4 +1,4 @@
-"""The record does not begin in the relaxed state."""
+"""The past of an actuator: what its drive did before a record, for a record that does not begin relaxed."""
 
 from __future__ import annotations
 
@@ -6,22 +6,31 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Place, Stage
+from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.parameter import Parameter
 
-_RAMP_S = 0.2
-_N_RAMP = 40
-_N_HOLD = 40
+Array = NDArray[np.float64]
+
+_RAMP_S = 0.2  # of either move: quick beside a hold of a second, and its length is forgotten soon
+_N_RAMP = 40  # steps of a move: plays and creep see it as straight
+_N_HOLD = 40  # steps of a hold, ever longer, as creep forgets
+_SHORTEST_HOLD_STEP_S = 1e-3
+_LONG_REST_S = 1000.0  # creep of an order of some hundredths has come to rest by then
+_HELD_S = 1.0  # before a long rest at the same voltage: of no account
 
 
 @dataclass(frozen=True)
-class InitialState(Effect):
-    """What the drive did before the record: out to an extreme, held, then to a rest until the record began."""
+class Prehistory(Cause):
+    """What the drive did before the record: out to an extreme, held, then to a rest until the record began.
+
+    It is no effect in the chain: it is where a model starts, a field of its own. Files and diagnoses name it
+    ``initial_state``.
+    """
 
     name: ClassVar[str] = "initial_state"
-    place: ClassVar[Place] = Place.INITIAL_STATE
-    stage: ClassVar[Stage] = Stage.START
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extreme_v", "V", -1e4, 1e4, description="voltage of the excursion before the record"),
         Parameter("resting_v", "V", -1e4, 1e4, description="voltage just before the record"),
@@ -41,19 +50,25 @@ class InitialState(Effect):
     held_s: float = 1.0
     resting_s: float = 1.0
 
-    def initial_state(self) -> Array:
-        """Return an empty state: the effect is in the states of the others."""
-        return np.zeros(0)
+    @classmethod
+    def long_rest(cls, voltage_v: float) -> Prehistory:
+        """Return a long rest at one voltage [V]."""
+        return cls(voltage_v, voltage_v, _HELD_S, _LONG_REST_S)
 
-    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return the values unchanged: the effect acts before the first sample."""
-        return values
+    @property
+    def is_plain_rest(self) -> bool:
+        """Whether the drive simply rested at one voltage: how a record may begin, and no finding."""
+        return self.extreme_v == self.resting_v
 
     def free_names(self) -> tuple[str, ...]:
         """Return what a fit moves; nothing where the drive simply rested at one voltage."""
-        return () if self.extreme_v == self.resting_v else super().free_names()
+        return () if self.is_plain_rest else super().free_names()
 
-    def prehistory(self) -> tuple[Array, Array]:
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return nothing: how far an excursion went says little of what it left."""
+        return {}
+
+    def drive(self) -> tuple[Array, Array]:
         """Return steps [s] and voltages [V] of what went before, each of shape (n_steps,)."""
         ramp = np.arange(1, _N_RAMP + 1) / _N_RAMP
         steps, voltages = [], []
@@ -61,17 +76,16 @@ class InitialState(Effect):
         for voltage, hold in ((self.extreme_v, self.held_s), (self.resting_v, self.resting_s)):
             steps.append(np.full(_N_RAMP, _RAMP_S / _N_RAMP))
             voltages.append(before + (voltage - before) * ramp)
-            if hold > 0.0:
-                held = np.geomspace(min(1e-3, 0.5 * hold), hold, _N_HOLD)
-                steps.append(np.diff(held, prepend=0.0))
-                voltages.append(np.full(_N_HOLD, voltage))
+            held = np.geomspace(min(_SHORTEST_HOLD_STEP_S, 0.5 * hold), hold, _N_HOLD)
+            steps.append(np.diff(held, prepend=0.0))
+            voltages.append(np.full(_N_HOLD, voltage))
             before = voltage
         return np.concatenate(steps), np.concatenate(voltages)
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[Prehistory]:
         """Return excursions to either end of the range, some seconds before the record."""
-        trials: list[Effect] = []
+        trials: list[Prehistory] = []
         span = evidence.largest_v - evidence.smallest_v
         first = float(evidence.records[0].voltage_v[0])
         for extreme in (evidence.largest_v, evidence.smallest_v, first + 0.3 * span, first - 0.3 * span):

@@ -1,0 +1,151 @@
+"""A cause: what measured data may show beside hysteresis and creep, its parameters, and how it is told.
+
+Most causes are effects in the chain (effect.py); the past of the actuator is one as well.
+"""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import MISSING, Field, dataclass, fields
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.parameter import Parameter
+from fomrc_core.errors import ParameterError
+
+Array = NDArray[np.float64]
+AnyCause = TypeVar("AnyCause", bound="Cause")
+
+
+@dataclass(frozen=True)
+class Cause(ABC):
+    """Something that makes an actuator's response other than hysteresis and creep alone would.
+
+    A subclass is a frozen dataclass whose fields are its parameters. It states what it is, and, where that is not as
+    with most causes, how a fit may move it and what a diagnosis must ask before it names it.
+    """
+
+    # what it is
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    main_parameter: ClassVar[str]
+    meaning: ClassVar[str]
+    signature: ClassVar[str]
+    experiment: ClassVar[str]
+    inverse_note: ClassVar[str]
+    # how a fit may move it
+    linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
+    held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
+    is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
+    # what a diagnosis must know
+    is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
+    is_exchangeable: ClassVar[bool] = True  # may take the place of another cause that was found, or give way to one
+    needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
+    adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search
+    can_invert: ClassVar[bool] = False  # whether a compensator can undo it
+    size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small sizes
+
+    def __post_init__(self) -> None:
+        for spec in self.parameters:
+            object.__setattr__(self, spec.name, spec.checked(getattr(self, spec.name), self.name))
+
+    def __str__(self) -> str:
+        values = ((spec.name, getattr(self, spec.name)) for spec in self.parameters)
+        shown = (f"{name}: {len(v)} values" if isinstance(v, tuple) else f"{name} {v:.5g}" for name, v in values)
+        return f"{self.name} ({', '.join(shown)})"
+
+    @classmethod
+    def parameter(cls, name: str) -> Parameter:
+        """Return the specification of one parameter."""
+        return next(spec for spec in cls.parameters if spec.name == name)
+
+    # --- how a fit moves it
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return the parameters a fit moves; a linear one that stands at zero is held there."""
+        return tuple(
+            spec.name
+            for spec in self.parameters
+            if not spec.is_list
+            and spec.name not in self.held_parameters
+            and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
+        )
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
+        return abs(value) if value != 0.0 else 1.0
+
+    # --- how a diagnosis tells it
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> Sequence[Cause]:
+        """Return trial instances whose signatures a diagnosis compares with what the model left over."""
+        return []
+
+    def belongs_to_record(self) -> bool:
+        """Return whether the parameters belong to one record and not to the actuator."""
+        return self.is_record_bound
+
+    def is_plausible(self, duration_s: float) -> bool:
+        """Return whether records of this length [s] can show the cause with these parameters."""
+        return True
+
+    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
+        """Return whether a record's residual, this cause left in it, shows what the cause must show.
+
+        Args:
+            time_s: time since the first sample [s], shape (n_samples,).
+            voltage_v: drive [V], shape (n_samples,).
+            residual_um: measured minus the model without this cause [um], shape (n_samples,).
+        """
+        return True
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return the size that data would just have shown, by its parameter; empty where none can be stated.
+
+        Args:
+            factor: how many times as large as that of this trial instance a signature must be to show.
+        """
+        value = getattr(self, self.main_parameter)
+        if not isinstance(value, float) or value == 0.0:
+            return {}
+        return {self.main_parameter: abs(value) * factor**self.size_exponent}
+
+    @classmethod
+    def smallest_detectable_of_rms(cls, rms_um: float) -> dict[str, float]:
+        """Return the same for a cause whose size follows from the rms of its signature [um], no trial needed."""
+        return {}
+
+    # --- files
+
+    @classmethod
+    def from_mapping(cls: type[AnyCause], mapping: Any, where: str) -> AnyCause:
+        """Return the cause with these parameters; raises ParameterError naming the key at fault."""
+        known = {spec.name for spec in cls.parameters}
+        if not isinstance(mapping, dict):
+            raise ParameterError("not a mapping", where=where, value=mapping, allowed=", ".join(sorted(known)))
+        for key in mapping:
+            if key not in known:
+                raise ParameterError("unknown parameter", where=where, value=key, allowed=", ".join(sorted(known)))
+        required = {f.name for f in fields(cls) if f.name in known and not _has_default(f)}
+        for key in sorted(required - set(mapping)):
+            raise ParameterError(f"parameter {key} is missing", where=where, allowed=", ".join(sorted(known)))
+        return cls(**mapping)
+
+    def to_mapping(self) -> dict[str, float | list[float]]:
+        """Return the parameters as plain numbers and lists, as a model file holds them."""
+        values = {spec.name: getattr(self, spec.name) for spec in self.parameters}
+        # ROS cannot tell the type of an empty list, so an empty one is left out
+        return {
+            name: list(value) if isinstance(value, tuple) else float(value)
+            for name, value in values.items()
+            if value != ()
+        }
+
+
+def _has_default(field: Field[Any]) -> bool:
+    return field.default is not MISSING or field.default_factory is not MISSING

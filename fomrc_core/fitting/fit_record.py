@@ -1,0 +1,58 @@
+"""A recording as a fit sees it: times from its start, the samples it may learn from, what else was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.effects import Covariates
+from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.records.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FitRecord:
+    """A recording as the fit sees it, arrays of shape (n_samples,).
+
+    Attributes:
+        recording: where it comes from.
+        time_s: time since the first sample [s].
+        steps_s: steps [s].
+        voltage_v: drive [V].
+        measured_um: displacement [um].
+        is_used: samples a fit may learn from.
+        covariates: what was recorded beside drive and displacement.
+    """
+
+    recording: Recording
+    time_s: Array
+    steps_s: Array
+    voltage_v: Array
+    measured_um: Array
+    is_used: NDArray[np.bool_]
+    covariates: Covariates
+
+    @classmethod
+    def of(cls, recording: Recording, is_used: NDArray[np.bool_] | None = None) -> FitRecord:
+        """Return the prepared recording; every sample used unless told."""
+        return cls(
+            recording,
+            recording.time_s - recording.time_s[0],
+            recording.steps_s,
+            recording.voltage_v,
+            recording.measured_um,
+            np.ones(recording.n_samples, dtype=np.bool_) if is_used is None else is_used,
+            Covariates.of_recording(recording),
+        )
+
+    def using(self, is_used: NDArray[np.bool_]) -> FitRecord:
+        """Return the same record with another choice of samples."""
+        return replace(self, is_used=is_used)
+
+    def at_rest(self) -> Prehistory:
+        """Return the start from a long rest at the first voltage."""
+        return Prehistory.long_rest(float(self.voltage_v[0]))

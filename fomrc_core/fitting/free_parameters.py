@@ -1,0 +1,86 @@
+"""What a joint fit moves: the numbers of every cause that are not held, each by a coordinate of its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.effects import Parameter
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.trial_model import TrialModel
+
+Array = NDArray[np.float64]
+
+_LOG_DIFFERENCE = 5e-4  # of a logarithm: small beside its curvature, large beside the rounding of a simulation
+_SCALED_DIFFERENCE = 5e-3  # of a parameter's own unit
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """One parameter of one cause that a refit moves.
+
+    Attributes:
+        cause: name of the cause.
+        index: the record it belongs to; None for the actuator.
+        spec: the parameter.
+        scale: step unit of a parameter that is not moved by its logarithm.
+    """
+
+    cause: str
+    index: int | None
+    spec: Parameter
+    scale: float
+
+    def get(self, trial: TrialModel) -> float:
+        """Return the parameter's value in a model."""
+        return float(getattr(self.cause_in(trial), self.spec.name))
+
+    def cause_in(self, trial: TrialModel) -> Cause:
+        """Return the cause the parameter belongs to."""
+        return next(cause for cause in trial.causes_in(self.index) if cause.name == self.cause)
+
+    def set(self, trial: TrialModel, value: float) -> TrialModel:
+        """Return the model with the parameter at a value."""
+        return trial.with_cause(replace(self.cause_in(trial), **{self.spec.name: value}), self.index)
+
+    def coordinate(self, value: float) -> float:
+        """Return what the refit moves for a value."""
+        return math.log(value) if self.spec.is_log else value / self.scale
+
+    def value(self, coordinate: float) -> float:
+        """Return the value of a coordinate, within the parameter's bounds."""
+        value = math.exp(min(coordinate, 300.0)) if self.spec.is_log else coordinate * self.scale
+        return min(max(value, self.spec.lower), self.spec.upper)
+
+    @property
+    def difference(self) -> float:
+        """Coordinate step of the difference quotient."""
+        return self.spec.difference or (_LOG_DIFFERENCE if self.spec.is_log else _SCALED_DIFFERENCE)
+
+
+def free_parameters(trial: TrialModel) -> tuple[FreeParameter, ...]:
+    """Return what a refit moves: every number of every cause that is not held.
+
+    Held are lists (their weights belong to the linear part), what a cause holds itself, and a linear parameter
+    that stands at zero or a limit that stands where nothing reaches it.
+    """
+    n_records = max(len(trial.record_effects), len(trial.starts))
+    found: list[FreeParameter] = []
+    for index in (None, *range(n_records)):
+        for cause in trial.causes_in(index):
+            free = cause.free_names()
+            for spec in cause.parameters:
+                if spec.name in free:
+                    scale = cause.scale_of(spec.name, float(getattr(cause, spec.name)))
+                    found.append(FreeParameter(cause.name, index, spec, scale))
+    return tuple(found)
+
+
+def with_coordinates(trial: TrialModel, free: tuple[FreeParameter, ...], coordinates: Array) -> TrialModel:
+    """Return the model with the free parameters at these coordinates."""
+    for parameter, coordinate in zip(free, coordinates, strict=True):
+        trial = parameter.set(trial, parameter.value(float(coordinate)))
+    return trial

@@ -1,0 +1,155 @@
+"""The one simulator: a drive through effects, elements, creep and effects again.
+
+A model, a model under fit and the columns of a fit's linear part go through the functions here, and so does what went
+before a record. Without effects and without division of steps this is equations (20)-(26) sample by sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.effects import Covariates, Effect, Stage
+from fomrc_core.effects.base.covariates import NO_COVARIATES
+from fomrc_core.model.kernels import forward, forward_beside
+from fomrc_core.model.state import ModelState
+from fomrc_core.model.substeps import Substeps, parts_of_steps, subdivide
+from fomrc_core.operators.creep import CreepModes, creep_block
+from fomrc_core.operators.hysteresis import HEADER as PLAYS_HEADER
+from fomrc_core.operators.hysteresis import N_PLAYS, OperatorSum, hysteresis_block
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementDrive:
+    """What the Maxwell elements see of a drive.
+
+    Attributes:
+        steps_s: step that leads to each part [s], shape (n_parts,).
+        voltage_v: voltage at the elements at the end of each part [V], shape (n_parts,).
+        ends: part that ends at each sample, shape (n_samples,); None where no step is divided.
+    """
+
+    steps_s: Array
+    voltage_v: Array
+    ends: NDArray[np.int64] | None
+
+    def at_samples(self, values: Array) -> Array:
+        """Return values of all parts, along the first axis, at the samples only."""
+        return values if self.ends is None else values[self.ends]
+
+
+def relaxed_state(play_form: OperatorSum, modes: CreepModes, effects: Iterable[Effect]) -> tuple[ModelState, int]:
+    """Return the relaxed state of a chain, and where the creep block begins in it."""
+    hysteresis = hysteresis_block(play_form)
+    packed = np.concatenate((hysteresis, creep_block(modes)))
+    return ModelState(packed, {effect.name: effect.initial_state() for effect in effects}), int(hysteresis.size)
+
+
+def of_stage(effects: Iterable[Effect], stage: Stage) -> tuple[Effect, ...]:
+    """Return the effects of one stage, in the order they are given."""
+    return tuple(effect for effect in effects if effect.stage is stage)
+
+
+def before_record(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return the effects that act on what went before a record, too."""
+    return tuple(effect for effect in effects if effect.acts_before_record())
+
+
+def drive_at_elements(
+    state: ModelState,
+    effects: tuple[Effect, ...],
+    steps_s: Array,
+    drive_v: Array,
+    substeps: Substeps,
+    largest_v: float | None = None,
+) -> ElementDrive:
+    """Return what the elements see of a drive; the state's part before the elements moves on.
+
+    Args:
+        state: of the chain.
+        effects: in the order of the chain.
+        steps_s: step that leads to each sample [s], shape (n_samples,).
+        drive_v: commanded voltage [V], shape (n_samples,).
+        substeps: how steps are divided.
+        largest_v: largest threshold [V], where it is not that of the state's plays.
+    """
+    for effect in of_stage(effects, Stage.SAMPLED_DRIVE):
+        drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
+    last_v, state.last_input = state.last_input, float(drive_v[-1])
+    ends = None
+    if substeps is not Substeps.NONE:
+        if largest_v is None:
+            n_plays = int(state.packed[N_PLAYS])
+            largest_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
+        change_v = drive_v - np.concatenate(([last_v], drive_v[:-1]))
+        parts, state.bend = parts_of_steps(change_v, largest_v, effects, substeps, state.bend)
+        if np.any(parts > 1):
+            steps_s, drive_v, ends = subdivide(steps_s, drive_v, last_v, parts)
+    for effect in of_stage(effects, Stage.DRIVE):
+        drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
+    for effect in of_stage(effects, Stage.HYSTERESIS):
+        drive_v = effect.warp(drive_v)
+    return ElementDrive(steps_s, drive_v, ends)
+
+
+def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
+    """Return the displacement of the mechanics [um] at the end of each part, shape (n_parts,); the state moves on."""
+    moved_um = np.empty(drive.voltage_v.size)
+    beside = of_stage(effects, Stage.HYSTERESIS)
+    if beside:
+        added_um = np.zeros(drive.voltage_v.size)
+        for effect in beside:
+            added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
+        forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
+    else:
+        forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
+    for effect in of_stage(effects, Stage.MECHANICAL):
+        moved_um = effect.run(state.effects[effect.name], moved_um, drive.steps_s)
+    return moved_um
+
+
+def run_chain(
+    state: ModelState,
+    at_creep: int,
+    effects: tuple[Effect, ...],
+    steps_s: Array,
+    drive_v: Array,
+    *,
+    substeps: Substeps,
+    covariates: Covariates = NO_COVARIATES,
+) -> Array:
+    """Return the displacement [um] a chain gives, shape (n_samples,); the state moves on.
+
+    Args:
+        state: packed hysteresis (play form) and creep blocks, and the effects' states.
+        at_creep: where the creep block begins.
+        effects: in the order of the chain.
+        steps_s: step that leads to each sample [s], shape (n_samples,).
+        drive_v: commanded voltage [V], shape (n_samples,).
+        substeps: how steps are divided.
+        covariates: what is known beside the drive.
+    """
+    drive = drive_at_elements(state, effects, steps_s, drive_v, substeps)
+    moved_um = drive.at_samples(displacement_of_parts(state, at_creep, effects, drive))
+    for effect in of_stage(effects, Stage.SENSED):
+        moved_um = effect.run(state.effects[effect.name], moved_um, steps_s, covariates.of(effect.covariate))
+    return moved_um
+
+
+def settle_chain(
+    state: ModelState,
+    at_creep: int,
+    effects: tuple[Effect, ...],
+    past: tuple[Array, Array],
+    substeps: Substeps,
+) -> None:
+    """Move the state through what went before a record: steps [s] and voltages [V].
+
+    Clocks that start with the record do not run.
+    """
+    run_chain(state, at_creep, before_record(effects), *past, substeps=substeps)
