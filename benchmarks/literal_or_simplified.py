@@ -11,11 +11,11 @@ import numpy as np
 
 from fomrc_core.model.literal_model import LiteralModel
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V, SATURATION_V
 from fomrc_core.records import excitation
 
-KAPPA = np.array([10.4571, 23.6702, 19.4110, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808])
-SATURATION = np.array([0.0368, 0.0364, 0.0370, 0.0168, 0.0432, 0.0320, 0.0525, 0.0262, 0.0167, 0.1036])
-ORDER = 0.015
+KAPPA = np.array(KAPPA_UM_PER_V)
+SATURATION = np.array(SATURATION_V)
 
 
 def signals() -> dict[str, excitation.Excitation]:
@@ -33,7 +33,7 @@ def signals() -> dict[str, excitation.Excitation]:
 
 
 def main() -> None:
-    literal, simplified = LiteralModel(KAPPA, SATURATION, ORDER), PiezoModel(KAPPA, SATURATION, ORDER)
+    literal, simplified = LiteralModel(KAPPA, SATURATION, CREEP_ORDER), PiezoModel(KAPPA, SATURATION, CREEP_ORDER)
     literal.simulate(np.ones(2), np.ones(2))
     simplified.simulate(np.ones(2), np.ones(2))
     print("| excitation | rms apart [nm] | of the range [%] | largest [nm] | literal / simplified time |")

@@ -29,6 +29,7 @@ from fomrc_core.comparison.result import Comparison, InverseQuality, Row
 from fomrc_core.errors import FomrcError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import normalised_percent
 from fomrc_core.storage import make_directory
 
 Array = NDArray[np.float64]
@@ -134,7 +135,7 @@ def _scored(
         fitted.n_parameters,
         training_error_um(fitted, learned),
         test_error,
-        100.0 * test_error / float(np.ptp(held.displacement_um[held.n_before :])),
+        normalised_percent(test_error, [held.displacement_um[held.n_before :]]),
         1e6 * per_sample,
         fit_s,
         inverse_quality(fitted, held) if fitted.has_inverse else None,

@@ -30,7 +30,7 @@ from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import noise_floor
 from fomrc_core.records.recording import Recording
-from fomrc_core.records.residual import rms
+from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
 
 Array = NDArray[np.float64]
@@ -247,13 +247,12 @@ def fit_of(
         offsets.append(float(np.mean(raw)))
         left.append(raw - np.mean(raw))
     error = rms(np.concatenate(left))
-    span = max(float(np.ptp(r.measured_um)) for r in records)
     noise = noise_floor(list(recordings)).floor_um
     test_error = float("nan")
     if test is not None:
         held = FitRecord.of(test)
         raw = held.measured_um - play_form_response(model.play_form, model.creep_order, held, choose_starts((held,))[0])
-        test_error = 100.0 * float(np.std(raw)) / float(np.ptp(held.measured_um))
+        test_error = normalised_percent(float(np.std(raw)), [held.measured_um])
     if undetermined:
         outcome = FitOutcome.UNDETERMINED
         reason = (
@@ -274,7 +273,7 @@ def fit_of(
         outcome,
         reason,
         error,
-        100.0 * error / span,
+        normalised_percent(error, [r.measured_um for r in records]),
         noise,
         test_error,
         tuple(offsets),

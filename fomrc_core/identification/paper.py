@@ -25,13 +25,13 @@ from scipy.optimize import minimize
 
 from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants.paper_stage import CREEP_ORDER
 from fomrc_core.records.recording import Recording
 
 Array = NDArray[np.float64]
 
 POLYNOMIAL_DEGREE = 5
 CREEP_START_S = 0.1
-FALLBACK_ORDER = 0.015
 _LARGEST_FACTOR = 30.0  # bounds of (34): each parameter within this factor of its start
 
 
@@ -251,6 +251,6 @@ def _order_from_holds(recordings: Sequence[Recording], notes: list[str]) -> floa
         if elapsed[-1] > 5 * CREEP_START_S and (best is None or elapsed[-1] > best[0]):
             best = (float(elapsed[-1]), elapsed, np.asarray(recording.measured_um[first:stop]) - rest)
     if best is None:
-        notes.append(f"no step held long enough for (33): alpha starts at {FALLBACK_ORDER}")
-        return FALLBACK_ORDER
+        notes.append(f"no step held long enough for (33): alpha starts at {CREEP_ORDER}")
+        return CREEP_ORDER
     return creep_order_from_step(best[1], best[2])

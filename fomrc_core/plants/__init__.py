@@ -3,4 +3,4 @@
 They share no code and no form with the model that is fitted to them.
 """
 
-__all__ = ["electromechanical", "simulated_rig"]
+__all__ = ["electromechanical", "paper_stage", "simulated_rig"]

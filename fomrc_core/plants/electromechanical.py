@@ -46,6 +46,7 @@ from numpy.typing import ArrayLike, NDArray
 from fomrc_core.compute.least_squares import non_negative_fit
 from fomrc_core.errors import ParameterError
 from fomrc_core.plants import electromechanical_kernel as kernel
+from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V
 
 UM_PER_M = 1e6
 _LAGS_PER_DECADE = 2
@@ -241,7 +242,7 @@ class ElectromechanicalPlant:
 def table1_plant(
     n_elements: int = 40,
     *,
-    creep_order: float = 0.015,
+    creep_order: float = CREEP_ORDER,
     order_spread: float = 0.05,
     resonance_hz: float = 5600.0,
     damping_ratio: float = 0.3,
@@ -272,7 +273,7 @@ def table1_plant(
     deviation = 2.0 * np.modf(0.5 + 0.6180339887498949 * np.arange(1, n_elements + 1))[0] - 1.0
     stiffness = 45e6
     mass = stiffness / (2.0 * math.pi * resonance_hz) ** 2
-    force_ratio = _NEVER_SATURATING_UM_PER_V * stiffness / UM_PER_M
+    force_ratio = KAPPA_UM_PER_V[-1] * stiffness / UM_PER_M
     # P-753: 1.5 uF at the piezo, ten times that charge per volt at the controller's input.
     capacitance, charge_ratio = 1.2e-5, 2.5
     effective_ratio = capacitance * stiffness / force_ratio + charge_ratio
@@ -291,14 +292,13 @@ def table1_plant(
     )
 
 
-_NEVER_SATURATING_UM_PER_V = 1.2808
 _LARGEST_THRESHOLD_UM = 3.2
 
 
 def _rising_slope_v_per_um(displacement_um: NDArray[np.float64]) -> NDArray[np.float64]:
     # Of the initial rising curve u(y) of Table 1: 1.255 V/um at 0, falling to 1/kappa_11 = 0.781.
     share = displacement_um / _LARGEST_THRESHOLD_UM
-    return 1.0 / _NEVER_SATURATING_UM_PER_V + 0.474 * (0.7 * np.exp(-displacement_um / 0.5) + 0.3 * (1.0 - share))
+    return 1.0 / KAPPA_UM_PER_V[-1] + 0.474 * (0.7 * np.exp(-displacement_um / 0.5) + 0.3 * (1.0 - share))
 
 
 def _lag_weights(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants import paper_stage
 from fomrc_core.records.recording import Recording
 from fomrc_core.reproduction import experiments
 from fomrc_core.reproduction.identified_models import Identified, StartStudy
@@ -47,16 +48,28 @@ def table1_claims(found: Identified) -> list[Claim]:
     """Return what Table 1 can be compared by: the elements themselves are another plant's."""
     model = found.convex.model
     return [
-        Claim("Table 1", "creep order", "1", 0.015, model.creep_order),
+        Claim("Table 1", "creep order", "1", paper_stage.CREEP_ORDER, model.creep_order),
         Claim(
             "Table 1",
             "slope at the origin, sum of 1/kappa",
             "V/um",
-            1.255,
+            sum(1.0 / kappa for kappa in paper_stage.KAPPA_UM_PER_V),
             float(np.sum(1 / model.kappa_um_per_v)),
         ),
-        Claim("Table 1", "slope at the end, 1/kappa_11", "V/um", 1 / 1.2808, float(1 / model.kappa_um_per_v[-1])),
-        Claim("Table 1", "sum of saturation voltages", "V", 0.4015, float(np.sum(model.saturation_v))),
+        Claim(
+            "Table 1",
+            "slope at the end, 1/kappa_11",
+            "V/um",
+            1 / paper_stage.KAPPA_UM_PER_V[-1],
+            float(1 / model.kappa_um_per_v[-1]),
+        ),
+        Claim(
+            "Table 1",
+            "sum of saturation voltages",
+            "V",
+            sum(paper_stage.SATURATION_V),
+            float(np.sum(model.saturation_v)),
+        ),
     ]
 
 
@@ -124,9 +137,9 @@ def table2_claims(steps: list[experiments.Run]) -> list[Claim]:
             "Table 2",
             f"step {run.label:+.1f} V, RMSE / displacement at 60 s",
             "%",
-            experiments.PAPER_TABLE2[run.label],
+            paper_stage.STEP_NRMSE_PERCENT[run.label],
             run.percent,
-            experiments.PAPER_TABLE2[run.label],
+            paper_stage.STEP_NRMSE_PERCENT[run.label],
         )
         for run in steps
     ]
@@ -137,7 +150,7 @@ def table3_claims(slopes: list[experiments.Run], diagnosed: PiezoModel) -> list[
     names = ", ".join(effect.name for effect in diagnosed.effects) or "nothing"
     claims = []
     for run in slopes:
-        paper = experiments.PAPER_TABLE3[run.label]
+        paper = paper_stage.SLOPE_NRMSE_PERCENT[run.label]
         is_slow = run.label <= FASTEST_ALONE_V_PER_S
         claims.append(
             Claim(
@@ -178,25 +191,25 @@ def compensation_claims(
 ) -> list[Claim]:
     """Return figures 14 to 16."""
     tracking_paper, linearity_paper = (
-        experiments.PAPER_TRACKING_PERCENT,
-        experiments.PAPER_NONLINEARITY_PERCENT,
+        paper_stage.TRACKING_NRMSE_PERCENT,
+        paper_stage.NONLINEARITY_PERCENT,
     )
     return [
         Claim(
             "figure 14",
             "staircase, NRMSE",
             "%",
-            experiments.PAPER_STAIRCASE_PERCENT,
+            paper_stage.STAIRCASE_NRMSE_PERCENT,
             staircase.percent,
-            experiments.PAPER_STAIRCASE_PERCENT,
+            paper_stage.STAIRCASE_NRMSE_PERCENT,
         ),
         Claim(
             "figure 14",
             "largest error 0.1 s after each step",
             "um",
-            0.05,
+            paper_stage.STAIRCASE_LARGEST_ERROR_UM,
             experiments.settled_error_um(staircase),
-            0.05,
+            paper_stage.STAIRCASE_LARGEST_ERROR_UM,
         ),
         Claim(
             "figure 15",

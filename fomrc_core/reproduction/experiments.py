@@ -1,8 +1,7 @@
 """The paper's experiments, each run on the simulated rig: what was measured, and how far the model is from it.
 
-The paper's own numbers stand beside them as constants. Nothing measured by the paper is available, only
-what it
-printed: every curve is from the simulated plant.
+Nothing measured by the paper is available, only what it printed (plants/paper_stage.py): every curve is from the
+simulated plant.
 """
 
 from __future__ import annotations
@@ -14,30 +13,14 @@ from numpy.typing import NDArray
 
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants import paper_stage
 from fomrc_core.plants.simulated_rig import SimulatedRig
 from fomrc_core.records import excitation
+from fomrc_core.records.excitation import AMPLITUDE_V
 from fomrc_core.records.recording import Recording
-from fomrc_core.records.residual import nrmse_percent, rms
+from fomrc_core.records.residual import nonlinearity_percent, nrmse_percent, rms
 
 Array = NDArray[np.float64]
-
-PAPER_TABLE2 = {2.5: 1.50, 1.5: 0.44, 0.5: 0.69, -0.5: 0.43, -1.5: 1.07, -2.5: 2.28}
-PAPER_TABLE3 = {
-    0.1: 0.25,
-    0.5: 0.25,
-    1.0: 0.29,
-    2.0: 0.32,
-    5.0: 0.33,
-    10.0: 0.40,
-    20.0: 0.54,
-    50.0: 0.95,
-    100.0: 1.64,
-    200.0: 3.03,
-}
-PAPER_STAIRCASE_PERCENT = 0.29
-PAPER_TRACKING_PERCENT = (5.04, 0.36)
-PAPER_NONLINEARITY_PERCENT = (12.06, 0.65)
-AMPLITUDE_V = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +71,7 @@ class Tracking:
 def step_runs(rig: SimulatedRig, model: PiezoModel) -> list[Run]:
     """Figure 11 and Table 2: steps of six heights, 60 s each, each from the relaxed state."""
     runs = []
-    for seed, level in enumerate(PAPER_TABLE2):
+    for seed, level in enumerate(paper_stage.STEP_NRMSE_PERCENT):
         recording = rig.measure(excitation.steps([level], dwell_s=60.0, lead_in_s=0.0, rate_hz=200.0), seed=20 + seed)
         held = recording.window(0.0, 60.0 - 1e-9)
         predicted = model.simulate(held.steps_s, held.voltage_v)
@@ -100,7 +83,7 @@ def step_runs(rig: SimulatedRig, model: PiezoModel) -> list[Run]:
 def slope_runs(rig: SimulatedRig, model: PiezoModel, extended: PiezoModel, diagnosed: PiezoModel) -> list[Run]:
     """Figures 12, 13 and Table 3: triangles of ten slopes, 1 kHz, slower ones sampled in proportion."""
     runs = []
-    for seed, slope in enumerate(PAPER_TABLE3):
+    for seed, slope in enumerate(paper_stage.SLOPE_NRMSE_PERCENT):
         rate = min(1000.0, 1000.0 * slope)
         recording = rig.measure(excitation.triangle(AMPLITUDE_V, slope_v_per_s=slope, rate_hz=rate), seed=40 + seed)
         predicted = model.simulate(recording.steps_s, recording.voltage_v)
@@ -158,7 +141,7 @@ def tracking_run(rig: SimulatedRig, model: PiezoModel) -> Tracking:
 
 def linearity_run(rig: SimulatedRig, model: PiezoModel) -> Tracking:
     """Figure 16: input against output for a triangle of decreasing amplitude."""
-    wave = excitation.triangle(2.5, slope_v_per_s=1.0)  # read as um
+    wave = excitation.triangle(AMPLITUDE_V, slope_v_per_s=1.0)  # read as um
     desired = np.asarray(wave.voltage_v)
     plain, compensated = _both(rig, model, np.asarray(wave.time_s), desired, seed=80)
     return Tracking(
@@ -168,17 +151,6 @@ def linearity_run(rig: SimulatedRig, model: PiezoModel) -> Tracking:
         nonlinearity_percent(desired, plain.measured_um),
         nonlinearity_percent(desired, compensated.measured_um),
     )
-
-
-def nonlinearity_percent(desired_um: Array, reached_um: Array) -> float:
-    """Return the largest deviation from the best straight line, of the largest displacement [%].
-
-    The paper does not define it. Of the largest displacement, a loop like Table 1's has 12 %, as figure 16
-    says; of the whole range it would have 6 %.
-    """
-    slope, offset = np.polyfit(desired_um, reached_um, 1)
-    deviation = np.abs(reached_um - (slope * desired_um + offset)).max()
-    return 100.0 * float(deviation) / float(np.abs(reached_um).max())
 
 
 def _both(

@@ -17,15 +17,14 @@ from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.identification.convex import Fit, identify
 from fomrc_core.identification.paper import PaperFit, identify_paper
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants.paper_stage import N_ELEMENTS
 from fomrc_core.plants.simulated_rig import SimulatedRig
 from fomrc_core.records import excitation
+from fomrc_core.records.excitation import AMPLITUDE_V
 from fomrc_core.records.recording import Recording
 
 Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
-
-AMPLITUDE_V = 2.5
-N_ELEMENTS = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from fomrc_core.plants import paper_stage
 from fomrc_core.plants.simulated_rig import SimulatedRig
 from fomrc_core.reproduction import experiments, figures
 from fomrc_core.reproduction.claims import (
@@ -76,7 +77,7 @@ def reproduce(
         "figure11_steps": figures.figure11(steps),
         "figure12_loop_shapes": figures.figure12(loops),
         "figure13_errors": figures.figure13(slopes),
-        "table3_slopes": figures.slope_figure(slopes, experiments.PAPER_TABLE3),
+        "table3_slopes": figures.slope_figure(slopes, paper_stage.SLOPE_NRMSE_PERCENT),
         "figure14_staircase": figures.figure14(staircase),
         "figure15_tracking": figures.figure15(tracking),
         "figure16_linearity": figures.figure16(linearity),

@@ -8,20 +8,19 @@ import pytest
 from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.identification.convex import Fit, FitOutcome, identify
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V, SATURATION_V
 from fomrc_core.records.excitation import concatenate, staircase, triangle
 from fomrc_core.records.recording import Recording
 from test.hidden.creep import fractional_integral
 from test.hidden.hysteresis import MaxwellChain
 
-KAPPA = np.array([10.4571, 23.6702, 19.4110, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808])
-SATURATION_V = np.array([0.0368, 0.0364, 0.0370, 0.0168, 0.0432, 0.0320, 0.0525, 0.0262, 0.0167, 0.1036])
-ORDER = 0.015
+KAPPA = np.array(KAPPA_UM_PER_V)
 NOISE_UM = 1e-3
 
 
 def measured(voltage_v: np.ndarray, seed: int, offset_um: float = 3.0) -> Recording:
     moved = MaxwellChain(1.0 / KAPPA[:-1], SATURATION_V, 1.0 / KAPPA[-1]).run(voltage_v)
-    displacement_um = fractional_integral(moved, ORDER, 1e-3)
+    displacement_um = fractional_integral(moved, CREEP_ORDER, 1e-3)
     noise = NOISE_UM * np.random.default_rng(seed).standard_normal(voltage_v.size)
     return Recording(np.arange(voltage_v.size) * 1e-3, voltage_v, displacement_um + noise + offset_um, name="truth")
 
@@ -44,8 +43,8 @@ def test_reaches_the_noise_without_start_values(fit: Fit) -> None:
 
 
 def test_finds_the_creep_order(fit: Fit) -> None:
-    assert fit.model.creep_order == pytest.approx(ORDER, rel=0.02)
-    assert abs(fit.model.creep_order - ORDER) < 10.0 * fit.creep_order_standard_error
+    assert fit.model.creep_order == pytest.approx(CREEP_ORDER, rel=0.02)
+    assert abs(fit.model.creep_order - CREEP_ORDER) < 10.0 * fit.creep_order_standard_error
 
 
 def test_finds_the_offset(fit: Fit) -> None:

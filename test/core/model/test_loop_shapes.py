@@ -14,15 +14,14 @@ import pytest
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.plants.electromechanical import table1_plant
+from fomrc_core.plants.paper_stage import KAPPA_UM_PER_V, SATURATION_V
 
-KAPPA = [10.4571, 23.6702, 19.4110, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808]
-SATURATION = [0.0368, 0.0364, 0.0370, 0.0168, 0.0432, 0.0320, 0.0525, 0.0262, 0.0167, 0.1036]
 SLOPES_V_PER_S = (0.2, 2.0, 20.0)
 N_PER_RAMP = 250  # samples per volt, so that every slope is sampled alike
 
 
 def make_model(creep_order):
-    return PiezoModel(KAPPA, SATURATION, creep_order)
+    return PiezoModel(KAPPA_UM_PER_V, SATURATION_V, creep_order)
 
 
 def make_plant(creep_order):

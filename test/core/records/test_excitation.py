@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from fomrc_core.errors import InputError, ParameterError, RecordingError
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V, SATURATION_V
 from fomrc_core.records import excitation
 from fomrc_core.records.excitation import Excitation, concatenate, multisine, relaxation, staircase, steps, triangle
 
@@ -105,9 +106,7 @@ def test_relaxation_ends_at_rest_without_a_jump(amplitude_v: float, frequency_hz
 
 def _random_state_model(seed: int) -> tuple[PiezoModel, Any, np.ndarray]:
     """The paper's actuator after an hour of unknown use, and what it was driven with."""
-    kappa = [10.4571, 23.6702, 19.411, 7.6675, 37.6126, 41.2519, 36.6254, 49.9662, 64.0682, 24.7827, 1.2808]
-    saturation = [0.0368, 0.0364, 0.037, 0.0168, 0.0432, 0.032, 0.0525, 0.0262, 0.0167, 0.1036]
-    model = PiezoModel(kappa, saturation, 0.015)  # type: ignore[arg-type]
+    model = PiezoModel(KAPPA_UM_PER_V, SATURATION_V, CREEP_ORDER)
     random = np.random.default_rng(seed)
     past_v = np.append(random.uniform(-2.5, 2.5, 40), 0.0)
     state = model.initial_state()

@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
+from fomrc_core.plants import paper_stage
 from fomrc_core.plants.simulated_rig import SimulatedRig, first_order
 from fomrc_core.records import excitation
 from fomrc_core.reproduction.claims import Claim
-from fomrc_core.reproduction.experiments import PAPER_TABLE2, PAPER_TABLE3, nonlinearity_percent
 from fomrc_core.reproduction.identified_models import with_fast_effects
 from fomrc_core.reproduction.reproduction import reproduce
 
@@ -25,9 +25,11 @@ def made(tmp_path_factory):
 def test_every_bar_is_met(made):
     claims = made[0].claims
     assert [claim for claim in claims if claim.is_met is False] == []
-    assert sum(claim.where == "Table 2" and claim.is_met is True for claim in claims) == len(PAPER_TABLE2)
+    assert sum(claim.where == "Table 2" and claim.is_met is True for claim in claims) == len(
+        paper_stage.STEP_NRMSE_PERCENT
+    )
     extended = [claim for claim in claims if "amplifier and resonance" in claim.what]
-    assert len(extended) == len(PAPER_TABLE3)
+    assert len(extended) == len(paper_stage.SLOPE_NRMSE_PERCENT)
     assert max(claim.value for claim in extended) <= 0.40
     named = [claim for claim in claims if "diagnosis" in claim.what]
     assert len(named) == 5  # above 5 V/s
@@ -61,14 +63,6 @@ def test_progress_only_rises(made):
 def test_a_claim_without_a_bar_is_neither_met_nor_missed():
     assert Claim("here", "what", "nm", math.nan, 1.0).is_met is None
     assert Claim("here", "what", "nm", math.nan, 1.0, 0.9).is_met is False
-
-
-def test_nonlinearity_of_a_known_loop():
-    desired = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, -1, 100), np.linspace(-1, 0, 50)])
-    loop = desired + 0.1 * np.sign(np.gradient(desired))
-    assert nonlinearity_percent(desired, 3.0 * desired + 0.7) == pytest.approx(0.0, abs=1e-9)
-    # Branches 0.2 apart; the line also tilts a little.
-    assert nonlinearity_percent(desired, loop) == pytest.approx(10.0, rel=0.15)
 
 
 def test_the_rig_quantises_delays_and_adds_noise():
