@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from fomrc_ros.demo.experiments import Response
+from fomrc_ros.demo.response import Response
 
 _WITH, _WITHOUT, _WANTED = "#0a6ebd", "#c8553d", "#333333"
 
