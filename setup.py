@@ -47,6 +47,7 @@ setup(
     python_requires=">=3.10",
     package_data={"fomrc_core": ["py.typed"]},
     packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),
+    package_data={"fomrc_core.export": ["templates/*"]},
     install_requires=[
         "setuptools",
         "numpy>=1.23",

@@ -1,6 +1,7 @@
 """Print every figure beside its bar, measured in one run: ``python -m benchmarks.ratios [PART ...] [--write]``.
 
-Parts: kernels, rivals, system, fleet. ``--write`` puts the table with versions and machine into docs/benchmarks.md.
+Parts: kernels, rivals, system, fleet, export. ``--write`` puts the table with versions and machine into
+docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import kernels, rivals, system
+from benchmarks import export_rows, kernels, rivals, system
 from benchmarks.subjects import ROOT
 from benchmarks.timing import Row
 
@@ -23,6 +24,7 @@ PARTS: dict[str, tuple[Callable[[], list[Row]], ...]] = {
     "rivals": (rivals.hysteresis_rows, rivals.creep_rows),
     "system": (system.memory, system.identification, system.diagnosis),
     "fleet": (system.fleet,),
+    "export": (export_rows.agreement, export_rows.fixed_step),
 }
 _PAGE = ROOT / "docs" / "benchmarks.md"
 _MARK = {True: "met", False: "NOT MET", None: ""}

@@ -25,7 +25,7 @@ _LAYERS: tuple[tuple[str, ...], ...] = (
     ("fomrc_core.model",),
     ("fomrc_core.storage", "fomrc_core.fitting"),
     ("fomrc_core.identification", "fomrc_core.diagnosis", "fomrc_core.control"),
-    ("fomrc_core.report", "fomrc_core.comparison", "fomrc_core.reproduction"),
+    ("fomrc_core.report", "fomrc_core.comparison", "fomrc_core.reproduction", "fomrc_core.export"),
     ("fomrc_core",),
     ("fomrc_core.cli",),
     ("fomrc_ros.conversions", "fomrc_ros.node"),

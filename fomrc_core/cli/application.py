@@ -10,6 +10,7 @@ import typer
 
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
+from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
@@ -46,6 +47,7 @@ def _before_any_command(
 
 application.command()(simulate)
 application.command()(compensate)
+application.command()(export)
 application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
 application.command()(diagnose)

@@ -11,4 +11,5 @@ __all__ = [
     "evidence",
     "kernels",
     "parameter",
+    "step_form",
 ]

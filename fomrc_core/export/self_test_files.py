@@ -1,0 +1,42 @@
+"""The self-test of an exported model: a C program and the golden data it compares with."""
+
+from __future__ import annotations
+
+import re
+
+from fomrc_core.export.c_files import banner, conditions
+from fomrc_core.export.c_numbers import c_table
+from fomrc_core.export.golden import GoldenData
+from fomrc_core.export.options import Precision
+from fomrc_core.export.plan import ExportPlan
+from fomrc_core.export.template import read_template, render
+
+
+def golden_header(plan: ExportPlan, golden: dict[str, GoldenData]) -> str:
+    """Return the header that holds the golden data, by direction."""
+    options = plan.options
+    guard = f"{options.name.upper()}_GOLDEN_H"
+    lines = [banner(plan), f"#ifndef {guard}", f"#define {guard}", "", f'#include "{options.name}.h"']
+    real = f"{options.name}_real"
+    for direction, data in golden.items():
+        upper = direction.upper()
+        lines += [
+            "",
+            f"#define {upper}_N_GOLDEN {data.inputs.size}",
+            f"#define {upper}_N_FIXED {data.n_fixed}",
+            c_table(real, f"{upper}_STEP_S", f"{upper}_N_GOLDEN", data.steps_s.tolist(), options.precision),
+            c_table(real, f"{upper}_INPUT", f"{upper}_N_GOLDEN", data.inputs.tolist(), options.precision),
+            c_table("double", f"{upper}_OUTPUT", f"{upper}_N_GOLDEN", data.outputs.tolist(), Precision.DOUBLE),
+        ]
+    return "\n".join([*lines, "#endif"]) + "\n"
+
+
+def self_test_source(plan: ExportPlan) -> str:
+    """Return the program that runs the golden data, and random steps as many as it is told."""
+    name, holds = plan.options.name, conditions(plan)
+    blocks = {"banner": banner(plan)}
+    for direction in ("forward", "inverse"):
+        text = render(read_template("self_test_direction.c"), name, holds, {"set_covariates": ""})
+        text = re.sub(r"DIRECTION_UPPER|DIRECTION(?=_[A-Z])", direction.upper(), text)
+        blocks[f"{direction}_test"] = text.replace("DIRECTION", direction)
+    return render(read_template("self_test.c"), name, holds, blocks)

@@ -1,0 +1,148 @@
+
+const piezo_limits piezo_default_limits = PIEZO_DEFAULT_LIMITS;
+
+static int are_limits(const piezo_limits *limits)
+{
+    const real largest = (real)PIEZO_LARGEST_INPUT;
+    return limits->minimum_v >= -largest && limits->maximum_v <= largest && limits->minimum_v < limits->maximum_v &&
+           limits->safe_v >= limits->minimum_v && limits->safe_v <= limits->maximum_v && limits->slew_v_per_s > R(0.0) &&
+           limits->safe_ramp_v_per_s > R(0.0);
+}
+
+/* The voltage within reach of the last one that is nearest to the goal. */
+static real approached(real last_v, real goal_v, real reach_v)
+{
+    return least(most(goal_v, last_v - reach_v), last_v + reach_v);
+}
+@if limits_by_search
+
+/* Move the state to where the actuator goes when it is given this voltage: the displacement for which the inverse
+   answers with it, between two that enclose it, by secants and halving. Bounded: SEARCH_STEPS trials each on a copy. */
+static void follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
+{
+    enum { SEARCH_STEPS = 60 };
+    real low = state->desired_um, high = low, low_error, high_error, reach;
+    piezo_inverse trial = *state;
+    low_error = high_error = inverse_value(&trial, k, low, step_s) - voltage_v;
+    reach = most(most(low_error, -low_error) / STOP_SLOPE, REACH_LEAST);
+    for (int i = 0; i < SEARCH_STEPS; i++) {
+        if (low_error > R(0.0)) {
+            high = low;
+            high_error = low_error;
+            low -= reach;
+            trial = *state;
+            low_error = inverse_value(&trial, k, low, step_s) - voltage_v;
+        } else if (high_error < R(0.0)) {
+            low = high;
+            low_error = high_error;
+            high += reach;
+            trial = *state;
+            high_error = inverse_value(&trial, k, high, step_s) - voltage_v;
+        } else {
+            break;
+        }
+        reach *= R(2.0);
+        if (reach > REACH_MOST) {
+            low = high = state->desired_um; /* an effect keeps the answer from following: stay */
+            break;
+        }
+    }
+    for (int i = 0; i < SEARCH_STEPS; i++) {
+        real middle, error;
+        if (high_error - low_error < ERROR_LEAST || high - low <= WIDTH_LEAST * most(most(high, -high), R(1e-3))) break;
+        middle = i % 4 == 3 ? R(0.5) * (low + high) : low - low_error * (high - low) / (high_error - low_error);
+        trial = *state;
+        error = inverse_value(&trial, k, middle, step_s) - voltage_v;
+        if (error > R(0.0)) {
+            high = middle;
+            high_error = error;
+        } else {
+            low = middle;
+            low_error = error;
+        }
+    }
+    low = -low_error < high_error ? low : high;
+    (void)inverse_value(state, k, low, step_s);
+    state->voltage_v = voltage_v;
+}
+@end
+@if not limits_by_search
+
+/* Move the state to where the actuator goes when it is given this voltage. The voltage rises with the input of
+   hysteresis in straight pieces, steep ones first on either way: Newton's method walks them in order, one element or
+   more with each step, and ends when none is left (one step more for a stop that rounding put beside its end). */
+static void follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
+{
+    real input = state->previous;
+    real error = voltage_v - sum_stops(state->plays, input);
+    const int rises = error > R(0.0);
+    for (size_t i = 0; i < N_PLAYS + 3 && error != R(0.0) && (error > R(0.0)) == rises; i++) {
+        real slope = STOP_SLOPE;
+        for (size_t j = 0; j < N_PLAYS; j++) {
+            const real stop = input - state->plays[j];
+            if (rises ? stop < STOP_THRESHOLD[j] : stop > -STOP_THRESHOLD[j]) slope += STOP_WEIGHT[j];
+        }
+        input += error / slope;
+        error = voltage_v - sum_stops(state->plays, input);
+    }
+    (void)move_stops(state->plays, input);
+    creep_undone_remember(state, k, input);
+    (void)step_s;
+    state->voltage_v = voltage_v;
+}
+@end
+
+static real limited(
+    piezo_inverse *state, const coefficients *k, const piezo_limits *limits, real desired_um, real step_s)
+{
+    const real last_v = state->voltage_v;
+    piezo_inverse moved = *state;
+    const real wanted_v = inverse_value(&moved, k, desired_um, step_s);
+    const real clamped_v = least(most(wanted_v, limits->minimum_v), limits->maximum_v);
+    const real voltage_v = approached(last_v, clamped_v, limits->slew_v_per_s * step_s);
+    if (voltage_v == wanted_v) {
+        *state = moved;
+    } else {
+        follow_voltage(state, k, voltage_v, step_s);
+    }
+    return voltage_v;
+}
+
+static real ramped(piezo_inverse *state, const coefficients *k, const piezo_limits *limits, real step_s)
+{
+    const real reach_v = least(limits->safe_ramp_v_per_s, limits->slew_v_per_s) * step_s;
+    const real voltage_v = approached(state->voltage_v, limits->safe_v, reach_v);
+    follow_voltage(state, k, voltage_v, step_s);
+    return voltage_v;
+}
+
+#ifndef PIEZO_FIXED_STEP_ONLY
+real piezo_inverse_step_limited(piezo_inverse *state, const piezo_limits *limits, real desired_um, real step_s)
+{
+    coefficients k;
+    if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !is_step(step_s) || !are_limits(limits))
+        return NOT_A_NUMBER;
+    prepare(&k, step_s);
+    return limited(state, &k, limits, desired_um, step_s);
+}
+
+real piezo_inverse_ramp_to_safe(piezo_inverse *state, const piezo_limits *limits, real step_s)
+{
+    coefficients k;
+    if (!is_step(step_s) || !are_limits(limits)) return NOT_A_NUMBER;
+    prepare(&k, step_s);
+    return ramped(state, &k, limits, step_s);
+}
+#endif
+
+real piezo_inverse_step_fixed_limited(piezo_inverse *state, const piezo_limits *limits, real desired_um)
+{
+    if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !are_limits(limits)) return NOT_A_NUMBER;
+    return limited(state, &FIXED, limits, desired_um, (real)PIEZO_SAMPLE_TIME_S);
+}
+
+real piezo_inverse_ramp_to_safe_fixed(piezo_inverse *state, const piezo_limits *limits)
+{
+    if (!are_limits(limits)) return NOT_A_NUMBER;
+    return ramped(state, &FIXED, limits, (real)PIEZO_SAMPLE_TIME_S);
+}
