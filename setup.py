@@ -45,9 +45,8 @@ setup(
     maintainer="fomrc maintainers",
     maintainer_email="maintainers@fomrc.invalid",
     python_requires=">=3.10",
-    package_data={"fomrc_core": ["py.typed"]},
+    package_data={"fomrc_core": ["py.typed"], "fomrc_core.export": ["templates/*"]},
     packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),
-    package_data={"fomrc_core.export": ["templates/*"]},
     install_requires=[
         "setuptools",
         "numpy>=1.23",

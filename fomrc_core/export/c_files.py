@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fomrc_core.effects.base.step_form import FieldKind, StateField
+from fomrc_core.export import standalone
 from fomrc_core.export.c_numbers import c_list, c_number, c_table
 from fomrc_core.export.options import Precision
 from fomrc_core.export.plan import STATE_VERSION, ExportPlan
-from fomrc_core.export.standalone import prepare_creep
 from fomrc_core.export.template import read_template, render
 
 _HEADER_BYTES = 24
+# gone, weighted, from previous, from current, weight of the present input, weight of the one before
+_Creep = tuple[list[float], list[float], list[float], list[float], float, float]
+_prepare_creep: Callable[[list[float], list[float], float, float, float, float], _Creep] = standalone.prepare_creep
 _TYPES = {FieldKind.REAL: "{name}_real", FieldKind.CLOCK: "double", FieldKind.COUNT: "uint32_t"}
 
 
@@ -164,7 +167,7 @@ def _relaxed(fields: Sequence[StateField], precision: Precision) -> str:
 def _fixed_coefficients(plan: ExportPlan) -> str:
     precision = plan.options.precision
     order = plan.model.creep_order
-    gone, weighted, previous, current, now, held = prepare_creep(
+    gone, weighted, previous, current, now, held = _prepare_creep(
         plan.rates_per_s.tolist(),
         plan.weights.tolist(),
         order,
