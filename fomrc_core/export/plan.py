@@ -113,7 +113,7 @@ def _with_elements(model: PiezoModel, n_elements: int | None) -> PiezoModel:
 
 
 def _without_effects(model: PiezoModel, is_dropping: bool) -> tuple[PiezoModel, tuple[tuple[str, str], ...]]:
-    dropped = tuple((effect.name, effect.inverse_note) for effect in model.effects)
+    dropped = tuple((cause.name, cause.inverse_note) for cause in model.causes)
     if dropped and not is_dropping:
         name, reason = dropped[0]
         raise ParameterError(
