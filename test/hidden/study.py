@@ -40,16 +40,21 @@ from test.hidden import (  # noqa: E402
     study_measured,
     study_report,
     study_scores,
+    study_second,
+    study_second_report,
     study_settle,
     study_table3,
     study_timing,
 )
 
-PARTS = (*study_cases.PARTS, "settle", "measured", "table3", "timing")
+PARTS = (*study_cases.PARTS, "settle", "measured", "table3", "timing", "second")
 Job = tuple[Callable[[Any, str], str], Any]
 
 
-def _jobs(part: str, n_seeds: int | None) -> list[Job]:
+def _jobs(part: str, n_seeds: int | None, seeds: str) -> list[Job]:
+    if part == "second":
+        plans = [study_second.plan(group, seeds, n_seeds) for group in study_second.GROUPS]
+        return [(study_second.run, s) for plan in plans for s in plan]
     if part == "settle":
         return [(study_settle.run, s) for s in study_settle.plan()]
     if part == "measured":
@@ -92,6 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", nargs="+", choices=[*PARTS, "all"], default=["all"])
     parser.add_argument("--seeds", type=int, help="seeds per cause (pairs: number of pairs) instead of the full number")
+    parser.add_argument(
+        "--development", action="store_true", help="second: seeds for development, not those that are reported"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--output", type=Path, default=_ROOT / "study_output", help="folder of the cases' files")
     parser.add_argument("--docs", type=Path, help="folder of the page (default: docs/ for a full run, else the output)")
@@ -103,6 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.seeds is not None and options.seeds < 1:
         parser.error("--seeds: at least 1")
     console = Console()
+    seeds = "development" if options.development else "reporting"
     parts = list(PARTS) if "all" in options.part else options.part
     is_full = "all" in options.part and options.seeds is None
     folder = options.output / "cases"
@@ -117,15 +126,18 @@ def main(arguments: list[str] | None = None) -> int:
         for part in parts:
             if part == "table3":
                 continue
-            jobs = [(function, spec) for function, spec in _jobs(part, options.seeds) if spec.key not in known]
+            jobs = [(function, spec) for function, spec in _jobs(part, options.seeds, seeds) if spec.key not in known]
             if jobs:
                 _run(jobs, folder, 1 if part == "timing" else options.jobs, console, part)
     if "table3" in parts:
         docs.mkdir(parents=True, exist_ok=True)
         (docs / "table3_lag.md").write_text(study_table3.study(), encoding="utf-8")
     outcomes = study_scores.load(folder)
-    if outcomes:
-        console.print(f"written: {study_report.write(outcomes, docs)}")
+    second = [o for o in outcomes if o["spec"]["part"].startswith("second_")]
+    if first := [o for o in outcomes if not o["spec"]["part"].startswith("second_")]:
+        console.print(f"written: {study_report.write(first, docs)}")
+    if second:
+        console.print(f"written: {study_second_report.write_second(second, seeds, docs)}")
     return 0
 
 

@@ -52,7 +52,9 @@ class Bench:
         return float(np.quantile(rates[rates > 0.0], 0.95))
 
 
-def draw_bench(rng: np.random.Generator, causes: tuple[str, ...], form: str, n_samples: tuple[int, int]) -> Bench:
+def draw_bench(
+    rng: np.random.Generator, causes: tuple[str, ...], form: str, n_samples: tuple[int, int], extent: str = "any"
+) -> Bench:
     """Draw a bench on which the causes to come can be seen at all.
 
     Args:
@@ -60,10 +62,11 @@ def draw_bench(rng: np.random.Generator, causes: tuple[str, ...], form: str, n_s
         causes: what is to be hidden.
         form: "representable", "other" or a form of `hysteresis_forms`.
         n_samples: least and most samples of the training record.
+        extent: of the scales, "any" or "usual".
     """
     # A dead zone about 0 V is met at all only by a drive of both signs.
     polarity = ("bipolar", "skewed")[int(rng.integers(2))] if "dead_zone" in causes else None
-    scale = draw_scale(rng, n_samples, polarity)
+    scale = draw_scale(rng, n_samples, polarity, extent)
     if form in ("representable", "other"):
         forms = REPRESENTABLE if form == "representable" or any(c in ON_PLAYS for c in causes) else OTHER
         if "rate_dependent_hysteresis" in causes:

@@ -54,7 +54,8 @@ def play_outputs(
     Args:
         drive_v: drive [V], shape (n_samples,).
         thresholds_v: half widths [V], shape (n_plays,).
-        rising, falling: increasing envelopes by which a play is pushed up and down; the drive itself where None.
+        rising: increasing envelope by which a play is pushed up; the drive itself where None.
+        falling: increasing envelope by which it is pushed down; the drive itself where None.
     """
     up = drive_v if rising is None else rising(drive_v)
     down = drive_v if falling is None else falling(drive_v)

@@ -8,6 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 POLARITIES = ("unipolar", "bipolar", "skewed")
+_EXTENTS = {  # stroke [um], largest voltage [V], rate [Hz]
+    "any": ((1e-2, 2e4), (1.0, 1e4), (0.1, 1e5)),
+    "usual": ((5.0, 20.0), (10.0, 150.0), (1000.0, 1000.0)),
+}
+_LEAST_UM_PER_V = 2e-4  # of one plate of a ceramic that has hysteresis: 0.2 nm/V
 
 
 @dataclass(frozen=True)
@@ -66,17 +71,32 @@ def chance(seed: int, purpose: str) -> np.random.Generator:
 
 
 def draw_scale(
-    rng: np.random.Generator, n_samples: tuple[int, int] = (200, 100_000), polarity: str | None = None
+    rng: np.random.Generator,
+    n_samples: tuple[int, int] = (200, 100_000),
+    polarity: str | None = None,
+    extent: str = "any",
 ) -> Scale:
-    """Draw a bench: 10 nm to 20 mm, 1 V to 10 kV, 0.1 Hz to 100 kHz."""
-    largest_v = log_uniform(rng, 1.0, 1e4)
+    """Draw a bench.
+
+    Args:
+        rng: source of chance.
+        n_samples: least and most samples of the training record.
+        polarity: one of POLARITIES; at random where None.
+        extent: "any" (10 nm to 20 mm, 1 V to 10 kV, 0.1 Hz to 100 kHz) or "usual" (micrometres, 10 to 150 V, 1 kHz).
+    """
+    if extent not in _EXTENTS:
+        raise ValueError(f"extent {extent!r}, one of {tuple(_EXTENTS)}")
+    strokes_um, voltages_v, rates_hz = _EXTENTS[extent]
+    stroke_um, largest_v = log_uniform(rng, *strokes_um), log_uniform(rng, *voltages_v)
+    while stroke_um < _LEAST_UM_PER_V * largest_v:
+        stroke_um, largest_v = log_uniform(rng, *strokes_um), log_uniform(rng, *voltages_v)
     drawn = POLARITIES[int(rng.integers(len(POLARITIES)))]
     share = {"unipolar": 0.0, "bipolar": 1.0, "skewed": rng.uniform(0.1, 0.4)}[polarity or drawn]
     return Scale(
-        stroke_um=log_uniform(rng, 1e-2, 2e4),
+        stroke_um=stroke_um,
         low_v=-share * largest_v,
         high_v=largest_v,
-        rate_hz=log_uniform(rng, 0.1, 1e5),
+        rate_hz=log_uniform(rng, *rates_hz),
         n_samples=round(log_uniform(rng, *n_samples)),
         noise_share=log_uniform(rng, 3e-5, 1e-3),
     )

@@ -109,6 +109,7 @@ def draw(
     noise: str | None = None,
     faults: tuple[str, ...] = (),
     n_samples: tuple[int, int] = _DEFAULT_LENGTH,
+    extent: str = "any",
 ) -> SecondCase:
     """Draw an actuator with effects hidden in it, and measure it.
 
@@ -119,6 +120,7 @@ def draw(
         noise: kind of noise, one of NOISE_KINDS; at random where None.
         faults: what goes wrong with the data of every record, of FAULT_KINDS.
         n_samples: least and most samples of the training record.
+        extent: of the scales: "any", or "usual" for a stage as most are.
 
     Raises:
         ValueError: a name that is not known.
@@ -126,7 +128,7 @@ def draw(
     """
     _check(causes, noise, faults)
     for attempt in range(_N_ATTEMPTS):
-        bench = draw_bench(chance(seed, f"bench {attempt}"), causes, form, n_samples)
+        bench = draw_bench(chance(seed, f"bench {attempt}"), causes, form, n_samples, extent)
         sizing = Sizing(bench, int(chance(seed, f"circumstances {attempt}").integers(2**31)))
         found = sizing.fit_all(causes, chance(seed, f"sizes {attempt}"))
         if found is not None:
