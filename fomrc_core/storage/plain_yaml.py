@@ -21,7 +21,7 @@ class _PlainLoader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             # References to references grow without bound in a file of a few bytes.
-            event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+            event = self.peek_event()  # type: ignore[no-untyped-call]
             raise ComposerError(None, None, "references (*) are not allowed", event.start_mark)
         return super().compose_node(parent, index)
 
