@@ -107,8 +107,6 @@ def test_the_pages_name_modules_that_exist() -> None:
     for path in _PAGES:
         named = r"`(?:python -m )?((?:fomrc_core|fomrc_ros|test|benchmarks|docs)/[\w/.-]*)"
         for found in re.findall(named, path.read_text(encoding="utf-8")):
-            r"`(?:python -m )?((?:fomrc_core|fomrc_ros|test|benchmarks|docs)/[\w/.-]*)", path.read_text("utf-8")
-        ):
             if not (_ROOT / found.rstrip("/.")).exists():
                 missing.append(f"{_name(path)}: {found}")
     assert missing == []
