@@ -114,7 +114,9 @@ def steps(
     try:
         levels_v = [float(level) for level in levels.split(",")]
     except ValueError:
-        raise ParameterError("no list of numbers", where="--levels", value=levels, allowed="e.g. 2.5,0,-2.5") from None
+        raise ParameterError(
+            "not a list of numbers", where="--levels", value=levels, allowed="e.g. 2.5,0,-2.5"
+        ) from None
     _write(excitation.steps(levels_v, dwell_s=dwell, lead_in_s=lead_in, offset_v=offset, rate_hz=rate), output)
 
 

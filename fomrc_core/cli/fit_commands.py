@@ -131,4 +131,4 @@ def _element_count(text: str) -> int | str:
     try:
         return int(text)
     except ValueError:
-        raise ParameterError("no number", where="--elements", value=text, allowed="1 to 60, or auto") from None
+        raise ParameterError("not a number", where="--elements", value=text, allowed="1 to 60, or auto") from None

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.fit_commands import Method, _element_count
-from fomrc_core.cli.options import Columns, OutputDirectory, Rate, column_numbers, progress_shown, say
+from fomrc_core.cli.options import Columns, OutputDirectory, Rate, progress_shown, say
 from fomrc_core.errors import ParameterError
 
 
@@ -37,8 +37,9 @@ def identify_fleet(
     """
     from fomrc_core.identification import fleet
     from fomrc_core.storage import make_directory
+    from fomrc_core.storage.told_columns import column_numbers
 
-    numbers = column_numbers(columns)
+    numbers = column_numbers(columns, "--columns") if columns is not None else None
     options = fleet.FleetOptions(
         n_elements=_element_count(elements),
         method=method.value,

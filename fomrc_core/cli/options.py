@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fomrc_core.errors import ParameterError
-
 if TYPE_CHECKING:
     from fomrc_core.records.recording import Recording
 
@@ -41,41 +39,14 @@ def say(text: str) -> None:
 def read(path: Path, columns: str | None, rate_hz: float | None, topics: str | None) -> Recording:
     """Read a recording as the options say."""
     from fomrc_core.storage import read_recording
+    from fomrc_core.storage.told_columns import column_numbers, named_once
 
     return read_recording(
         path,
-        columns=column_numbers(columns),
+        columns=None if columns is None else column_numbers(columns, "--columns"),
         rate_hz=rate_hz,
-        topics=pairs(topics, "--topics") if topics else None,
+        topics=None if topics is None else named_once(topics, "--topics"),
     )
-
-
-def column_numbers(text: str | None) -> dict[str, int | None] | None:
-    """Return ``{"time": None, "voltage": 0}`` for ``time=none,voltage=0``; None for None."""
-    if text is None:
-        return None
-    numbers: dict[str, int | None] = {}
-    for quantity, column in pairs(text, "--columns").items():
-        if column.lower() == "none":
-            numbers[quantity] = None
-        elif column.isascii() and column.isdigit():
-            numbers[quantity] = int(column)
-        else:
-            raise ParameterError(
-                "no column number", where=f"--columns {quantity}", value=column, allowed="0, 1, 2, ... or none"
-            )
-    return numbers
-
-
-def pairs(text: str, option: str) -> dict[str, str]:
-    """Return ``{"a": "1", "b": "2"}`` for ``a=1,b=2``."""
-    found: dict[str, str] = {}
-    for part in text.split(","):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if not (name and equals and value) or name in found:
-            raise ParameterError("not understood", where=option, value=text, allowed="quantity=value,... each once")
-        found[name] = value
-    return found
 
 
 @contextmanager

@@ -274,7 +274,7 @@ def multisine(
     n_per_period = round(period_s * rate_hz)
     if n_per_period < 4 or abs(n_per_period - period_s * rate_hz) > 1e-6:
         raise ParameterError(
-            "period is no whole number of samples",
+            "period is not a whole number of samples",
             where="period_s",
             value=period_s,
             allowed=f"multiples of {1.0 / rate_hz:g} s, 4 samples or more",

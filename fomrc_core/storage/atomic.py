@@ -53,7 +53,7 @@ def read_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise StorageError(
-            f"not a text file (byte {error.start} is no UTF-8)", where=os.fspath(path), allowed="UTF-8 text"
+            f"not a text file (byte {error.start} is not UTF-8)", where=os.fspath(path), allowed="UTF-8 text"
         ) from None
     if "\0" in text:
         raise StorageError("not a text file (zero bytes)", where=os.fspath(path), allowed="UTF-8 text")
@@ -91,7 +91,7 @@ def target_of(path: str | os.PathLike[str]) -> Path:
     """
     where = os.fspath(path)
     if is_pipe_or_device(where):
-        return Path(where)  # cannot be replaced, and its real path is no path
+        return Path(where)  # cannot be replaced, and its real path leads nowhere
     target = Path(os.path.realpath(where))
     if target.is_dir():
         raise StorageError("is a folder", where=where, allowed="a file name")

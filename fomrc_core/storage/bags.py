@@ -56,7 +56,7 @@ def read_bag(path: str | os.PathLike[str], *, topics: Mapping[str, str] | None =
 
     Raises:
         StorageError: not readable as a bag, topic missing, of another type or ambiguous.
-        RecordingError: what was read is no usable recording.
+        RecordingError: what was read is not a usable recording.
     """
     where = os.fspath(path)
     reader_class = _reader_class(where)

@@ -24,7 +24,7 @@ def read_model(path: str | os.PathLike[str]) -> PiezoModel:
     (``/axis1/compensator:`` in place of ``/**:``) is read as well where it is the only one with a model.
 
     Raises:
-        StorageError: not readable, no plain YAML, or nested otherwise.
+        StorageError: not readable, not plain YAML, or nested otherwise.
         ParameterError: a value of the model outside what is allowed.
     """
     where = os.fspath(path)
@@ -67,7 +67,7 @@ def _model_block(content: Any, where: str) -> dict[str, Any]:
     if content is None:
         raise StorageError("empty file", where=where, allowed=_NESTING)
     if not isinstance(content, dict):
-        raise StorageError("no parameter file", where=where, value=content, allowed=_NESTING)
+        raise StorageError("not a parameter file", where=where, value=content, allowed=_NESTING)
     blocks: dict[str, Any] = {}
     for node, block in content.items():
         parameters = _expanded(block.get("ros__parameters"), where) if isinstance(block, dict) else None

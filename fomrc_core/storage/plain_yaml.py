@@ -30,7 +30,7 @@ class _PlainLoader(yaml.SafeLoader):
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
-                raise ConstructorError(None, None, "key is no name", key_node.start_mark)
+                raise ConstructorError(None, None, "key is not a name", key_node.start_mark)
             if key in seen:
                 raise ConstructorError(None, None, f"key {key!r} stands twice", key_node.start_mark)
             seen.add(key)
@@ -61,10 +61,10 @@ def load_yaml(text: str, where: str) -> Any:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise StorageError(f"no plain YAML ({error.problem})", where=where + line, allowed=_ALLOWED) from None
+        raise StorageError(f"not plain YAML ({error.problem})", where=where + line, allowed=_ALLOWED) from None
     except (yaml.YAMLError, ValueError) as error:
         # ValueError: a date that is none, e.g. 2024-13-45.
         reason = str(error).splitlines()[0]
-        raise StorageError(f"no plain YAML ({reason})", where=where, allowed=_ALLOWED) from None
+        raise StorageError(f"not plain YAML ({reason})", where=where, allowed=_ALLOWED) from None
     except RecursionError:
         raise StorageError("YAML nested too deeply", where=where, allowed=_ALLOWED) from None

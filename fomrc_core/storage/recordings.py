@@ -56,7 +56,7 @@ def read_recording(
 
     Raises:
         StorageError: whatever is wrong with the file, in one line.
-        RecordingError: a record that is no usable recording.
+        RecordingError: a record that is not a usable recording.
     """
     if is_bag(path):
         if columns is not None or rate_hz is not None:
@@ -154,7 +154,7 @@ def _refuse_other_units(header: Sequence[str], found: Mapping[str, int], where: 
 
 
 def _columns_as_told(table: TextTable, columns: Mapping[str, int | None]) -> tuple[TextTable, dict[str, int]]:
-    # One line of names above the numbers is no hindrance.
+    # One line of names above the numbers does no harm.
     if not any(number_or_none(cell) is not None for cell in table.cells(0)):
         table = table.without_first()
     n_columns = len(table.cells(0)) if table.lines else 0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fomrc_core.errors import InputError
 from fomrc_core.records.recording import Recording
 
 Tell = Callable[[float, str], None]
@@ -76,47 +75,18 @@ class DiagnosisRequest:
     output_folder: str
 
 
-def columns_of(text: str) -> dict[str, int | None]:
-    """Return column numbers by quantity from e.g. ``time=none,voltage=0,displacement=4``.
-
-    Raises:
-        InputError: an entry that is not ``quantity=number`` or ``quantity=none``.
-    """
-    columns: dict[str, int | None] = {}
-    for entry in text.split(","):
-        quantity, _, number = (part.strip() for part in entry.partition("="))
-        if not quantity or not (number == "none" or number.isdigit()):
-            raise InputError("not a column", where="columns", value=entry, allowed="quantity=number, e.g. voltage=0")
-        columns[quantity] = None if number == "none" else int(number)
-    return columns
-
-
-def topics_of(text: str) -> dict[str, str]:
-    """Return topics by quantity from e.g. ``voltage=/axis1/voltage,displacement=/axis1/displacement``.
-
-    Raises:
-        InputError: an entry that is not ``quantity=topic``.
-    """
-    topics = {}
-    for entry in text.split(","):
-        quantity, _, topic = (part.strip() for part in entry.partition("="))
-        if not quantity or not topic:
-            raise InputError("not a topic", where="topics", value=entry, allowed="quantity=topic")
-        topics[quantity] = topic
-    return topics
-
-
 def read_files(files: RecordingFiles) -> tuple[list[Recording], Recording | None]:
     """Return the recordings, and the one to test on where there is one."""
     from fomrc_core.storage import read_recording
+    from fomrc_core.storage.told_columns import column_numbers, named_once
 
     options: dict[str, Any] = {}
     if files.columns:
-        options["columns"] = columns_of(files.columns)
+        options["columns"] = column_numbers(files.columns, "columns")
     if files.rate_hz > 0.0:
         options["rate_hz"] = files.rate_hz
     if files.topics:
-        options["topics"] = topics_of(files.topics)
+        options["topics"] = named_once(files.topics, "topics")
     recordings = [read_recording(Path(path), **options) for path in files.paths]
     test = read_recording(Path(files.test_path), **options) if files.test_path else None
     return recordings, test

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.cli.application import run
-from fomrc_core.cli.options import column_numbers, pairs, progress_shown
-from fomrc_core.errors import ParameterError
+from fomrc_core.cli.options import progress_shown
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
 from fomrc_core.storage import measured_examples as data_sources
@@ -187,14 +186,14 @@ def test_excite_writes_drives(here: Path, arguments: list[str], n_samples: int) 
         (["compensate", "-m", "TABLE", "-i", "stage.csv", "-o", "x.csv"], "no column desired_um"),
         (["identify", "stage.csv"], "Missing option '--output'"),
         (["identify", "-o", "m.yaml"], "Missing argument"),
-        (["identify", "stage.csv", "-o", "m.yaml", "--elements", "ten"], "--elements: no number, got 'ten'"),
+        (["identify", "stage.csv", "-o", "m.yaml", "--elements", "ten"], "--elements: not a number, got 'ten'"),
         (["identify", "stage.csv", "-o", "m.yaml", "--elements", "0"], "n_elements"),
         (["identify", "stage.csv", "-o", "m.yaml", "--method", "guess"], "'guess'"),
         (["identify", "drive.csv", "-o", "m.yaml"], "drive.csv: no displacement recorded"),
         (["identify", "short.csv", "-o", "m.yaml"], "short.csv: record is too short, got 3"),
         (
             ["identify", "stage.csv", "-o", "m.yaml", "--columns", "voltage=a"],
-            "--columns voltage: no column number",
+            "--columns voltage: not a column number",
         ),
         (["identify", "stage.csv", "-o", "m.yaml", "--columns", "voltage"], "--columns: not understood"),
         (["identify", "stage.csv", "-o", "m.yaml", "--rate", "fast"], "'--rate': "),
@@ -216,7 +215,7 @@ def test_excite_writes_drives(here: Path, arguments: list[str], n_samples: int) 
         (["excite", "triangle", "-o", "x.csv", "--slope=steep"], "got 'steep'"),
         (
             ["excite", "steps", "-o", "x.csv", "--levels", "1,two"],
-            "--levels: no list of numbers, got '1,two'",
+            "--levels: not a list of numbers, got '1,two'",
         ),
         (["data", "pea_2hz"], "no such data set, got 'pea_2hz'"),
     ],
@@ -319,19 +318,6 @@ def test_an_interrupt_is_no_error(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     monkeypatch.setattr(data_sources, "locate", interrupted)
     assert run(["data"]) == 130
     assert "Traceback" not in capsys.readouterr().err
-
-
-def test_column_options_are_taken_apart() -> None:
-    assert column_numbers("time=none, voltage=0,displacement=4") == {
-        "time": None,
-        "voltage": 0,
-        "displacement": 4,
-    }
-    assert column_numbers(None) is None
-    assert pairs("voltage=/a/b", "--topics") == {"voltage": "/a/b"}
-    for text in ("", "voltage=", "=3", "voltage=1,voltage=2", "voltage=-1", "voltage=\u00b2"):
-        with pytest.raises(ParameterError, match="--columns"):
-            column_numbers(text)
 
 
 def test_progress_is_a_line_per_stage_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
