@@ -105,7 +105,7 @@ def signed_weights(gram: Array, moment: Array, is_positive: Mask) -> Array:
     signs = np.concatenate((np.ones(moment.size), -np.ones(free.size)))
     order = np.concatenate((np.arange(moment.size), free))
     both = non_negative_weights(gram[np.ix_(order, order)] * signs[:, None] * signs[None, :], moment[order] * signs)
-    weights = both[: moment.size].copy()
+    weights: Array = both[: moment.size].copy()
     weights[free] -= both[moment.size :]
     return weights
 
@@ -124,7 +124,7 @@ def non_negative_fit(columns: Sequence[Array], targets: Sequence[Array]) -> Arra
     # The triangular factor holds all that matters, and is small.
     triangle: Array = np.asarray(np.linalg.qr(stacked, mode="r"))
     matrix, target = triangle[:, :-1], triangle[:, -1]
-    scale = np.linalg.norm(matrix, axis=0)
+    scale: Array = np.linalg.norm(matrix, axis=0)
     scale[scale <= 1e-12 * scale.max(initial=0.0)] = np.inf  # columns the record never moves
     return _solved(matrix / scale, target) / scale
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.search import Candidate, Step
+from fomrc_core.diagnosis.search import Step
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import tangent
 from fomrc_core.fitting.trial_model import TrialModel, predict

@@ -72,7 +72,8 @@ class ThermalDrift(Effect):
             return values
         if np.isnan(state[2]):
             state[2] = covariate[0]
-        return values - self.um_per_c * (covariate - state[2])
+        without: Array = values - self.um_per_c * (covariate - state[2])
+        return without
 
     def free_names(self) -> tuple[str, ...]:
         """Return the expansion where temperature is used, else a warm-up or the whole drift in time."""

@@ -185,7 +185,7 @@ def _reshift(
 ) -> float:
     # Take the shifted modes from the old step length to the one just prepared; return the weight of the last input.
     n_modes = int(block[N_MODES])
-    held = block[HELD_WEIGHT]
+    held: float = block[HELD_WEIGHT]
     for j in range(before.size):
         past[j] = 0.0
     for m in range(n_modes):

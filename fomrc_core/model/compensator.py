@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 @compiled
 def _peek_plays(packed: Array, value: float) -> float:
     n_plays = int(packed[N_PLAYS])
-    total = packed[SLOPE] * value
+    total: float = packed[SLOPE] * value
     for j in range(n_plays):
         threshold = packed[HEADER + j]
         play = min(max(packed[HEADER + 2 * n_plays + j], value - threshold), value + threshold)

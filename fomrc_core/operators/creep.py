@@ -143,7 +143,8 @@ def creep_history(packed: Array, at: int) -> float:
     history = 0.0
     for j in range(n_modes):
         history += weighted[j] * modes[j]
-    return packed[at + HELD_WEIGHT] * packed[at + PREVIOUS] + history
+    output: float = packed[at + HELD_WEIGHT] * packed[at + PREVIOUS] + history
+    return output
 
 
 @compiled_inline
@@ -166,7 +167,7 @@ def integrate_step(packed: Array, at: int, value: float, step_s: float) -> float
     """Return ``I^alpha`` of the input after one step; the block's state moves on."""
     if step_s != packed[at + CACHED_STEP]:
         prepare_step(packed, at, step_s)
-    result = packed[at + CURRENT_WEIGHT] * value + creep_history(packed, at)
+    result: float = packed[at + CURRENT_WEIGHT] * value + creep_history(packed, at)
     creep_remember(packed, at, value)
     return result
 
@@ -176,7 +177,7 @@ def differentiate_step(packed: Array, at: int, value: float, step_s: float) -> f
     """Return ``D^alpha`` of the input after one step; the exact inverse of ``integrate_step``."""
     if step_s != packed[at + CACHED_STEP]:
         prepare_step(packed, at, step_s)
-    result = (value - creep_history(packed, at)) / packed[at + CURRENT_WEIGHT]
+    result: float = (value - creep_history(packed, at)) / packed[at + CURRENT_WEIGHT]
     creep_remember(packed, at, result)
     return result
 

@@ -158,7 +158,8 @@ def move_plays(packed: Array, at: int, value: float) -> float:
         play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
         plays[j] = play
         total += weights[j] * play
-    return packed[at + SLOPE] * value + total
+    output: float = packed[at + SLOPE] * value + total
+    return output
 
 
 @compiled_inline
@@ -175,7 +176,8 @@ def move_stops(packed: Array, at: int, value: float) -> float:
         stop = min(max(value - plays[j], -thresholds[j]), thresholds[j])
         plays[j] = value - stop
         total += weights[j] * stop
-    return packed[at + SLOPE] * value + total
+    output: float = packed[at + SLOPE] * value + total
+    return output
 
 
 @compiled_sums

@@ -38,7 +38,7 @@ all of it per substep (110 us), not per element. Without numba choose ``substep_
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,6 +109,12 @@ class ElectromechanicalPlant:
     substep_s: float = 5e-5
     shortest_time_s: float = 2e-5
     longest_time_s: float = 1e5
+    # What the kernel takes, made once.
+    _rates_per_s: NDArray[np.float64] = field(init=False, repr=False)
+    _instant: NDArray[np.float64] = field(init=False, repr=False)
+    _weights: NDArray[np.float64] = field(init=False, repr=False)
+    _mechanics: NDArray[np.float64] = field(init=False, repr=False)
+    _compliance_f: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("element_capacitance_f", "saturation_v", "element_order"):
@@ -174,7 +180,7 @@ class ElectromechanicalPlant:
     def initial_state(self) -> ElectromechanicalState:
         """Return the relaxed state: no charge, no voltage, at rest."""
         n = self.n_elements + 1
-        lags = np.zeros((self._rates_per_s.size, n))  # type: ignore[attr-defined]
+        lags = np.zeros((self._rates_per_s.size, n))
         return ElectromechanicalState(np.zeros(kernel.N_MECHANICAL), np.zeros(n), np.zeros(n), lags)
 
     def advance(
@@ -226,12 +232,12 @@ class ElectromechanicalPlant:
             self.substep_s,
             self._mechanics,
             self._compliance_f,
-            self.saturation_v,  # type: ignore[attr-defined]
+            self.saturation_v,
             self._instant,
             self._weights,
             self._rates_per_s,
             state.motion,
-            state.potential_v,  # type: ignore[attr-defined]
+            state.potential_v,
             state.scaled_charge,
             state.lags,
             displacement_m,

@@ -35,9 +35,10 @@ def turning_points(voltage_v: Array, least_turn_v: float) -> NDArray[np.int64]:
         voltage_v: drive [V], shape (n_samples,).
         least_turn_v: a turn that goes back by no more than this is no turn [V].
     """
-    turns = np.empty(voltage_v.size, dtype=np.int64)
+    turns: NDArray[np.int64] = np.empty(voltage_v.size, dtype=np.int64)
     n_turns = _fill_turns(np.ascontiguousarray(voltage_v, dtype=np.float64), least_turn_v, turns)
-    return turns[:n_turns].copy()
+    found: NDArray[np.int64] = turns[:n_turns].copy()
+    return found
 
 
 @compiled

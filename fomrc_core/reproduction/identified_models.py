@@ -124,7 +124,8 @@ def with_fast_effects(model: PiezoModel, fast: Recording) -> PiezoModel:
 
     def residual(logs: Array) -> Array:
         left: Array = fast.measured_um - extended(logs).simulate(fast.steps_s, fast.voltage_v)
-        return left - left.mean()
+        left -= left.mean()
+        return left
 
     rate = 1.0 / fast.sample_period_s
     bounds = (np.log([1e-3 * rate, 1e-2 * rate, 0.01]), np.log([3.0 * rate, 2.0 * rate, 0.98]))

@@ -135,7 +135,8 @@ def _waits(waited: Array, begin_s: float, end_s: float) -> Array:
     # a wait is counted when it ends: it may have begun before the last look
     begun_s = np.minimum(np.concatenate(([begin_s], looked_s[:-1])), looked_s - waits_s)
     is_long = waits_s > STALL_S
-    return np.clip(np.column_stack((begun_s[is_long], looked_s[is_long])), begin_s, end_s)
+    stretches: Array = np.column_stack((begun_s[is_long], looked_s[is_long]))
+    return stretches.clip(begin_s, end_s)
 
 
 def _merged(stalls: Array) -> Array:

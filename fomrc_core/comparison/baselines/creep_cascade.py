@@ -74,7 +74,7 @@ class CreepCascade:
     def apply(self, steps_s: Array, values: Array) -> Array:
         """Return x for h, columns apart where there are columns."""
         columns = np.ascontiguousarray(values if values.ndim == 2 else values[:, None])
-        total = columns.copy()
+        total: Array = columns.copy()
         for tau, gain in zip(self.time_constants_s, self.gains, strict=True):
             if gain != 0.0:
                 total += gain * lag(columns, steps_s, tau)

@@ -95,9 +95,12 @@ def output_at(vertices: Array, sums: Array, depth: int, value: float, n_levels: 
     """Return the weighted output the value would give at this place on the stack."""
     if depth == 0:
         return 0.0
+    output: float = sums[depth - 1]
     if depth % 2 == 1:
-        return sums[depth - 1] + weighted_triangle(value, vertices[depth - 1], n_levels, weights)
-    return sums[depth - 1] - weighted_triangle(vertices[depth - 1], value, n_levels, weights)
+        output += weighted_triangle(value, vertices[depth - 1], n_levels, weights)
+    else:
+        output -= weighted_triangle(vertices[depth - 1], value, n_levels, weights)
+    return output
 
 
 @compiled
