@@ -68,6 +68,7 @@ def compare(
     Raises:
         RecordingError: a record without displacement.
     """
+    # Many arguments: the choices of one comparison, each with its usual value and given by name.
     records = [train] if isinstance(train, Recording) else list(train)
     learned = [training_record(r, settle_s=settle_s, skip_s=skip_s) for r in records]
     held = training_record(test, settle_s=settle_s, skip_s=skip_s)

@@ -126,6 +126,7 @@ def displacement_for_voltage(
         gain_um_per_v: how far the actuator moves per volt, for the first guess [um/V].
         cross: second axis, not a number where there is none.
     """
+    # Many arguments: what is known at a tick, asked once a tick, without an object made for it.
 
     def error(desired_um: float) -> float:
         return compensator.advance(state.copy(), desired_um, step_s, cross=cross) - voltage_v

@@ -107,6 +107,7 @@ class CheckpointWriter:
             voltage_v: voltage published [V].
             is_discontinuous: whether the memory changed otherwise than by the tick.
         """
+        # Many arguments: what is known at a tick, noted once a tick, without an object made for it.
         now = time.time()
         if self._journal >= 0:
             record = _RECORD.pack(now, step_s, desired_um, cross, voltage_v)

@@ -239,6 +239,7 @@ def fit_of(
     undetermined: tuple[int, ...] = (),
 ) -> Fit:
     """Return the errors of a model on its training and held-out records as a ``Fit``."""
+    # Many arguments: what only one of the two routes knows has a default for the other.
     records = tuple(FitRecord.of(r) for r in recordings)
     starts = choose_starts(records) if starts is None else starts
     left, offsets = [], []

@@ -151,8 +151,23 @@ def estimate_uncertainty(
     spread = _bootstrap(sensitivity, residuals, n_replicates, np.random.default_rng(seed))
     tell(1.0, "done")
     errors = spread.std(axis=0)
+    elements = _elements(model, errors)
+    low, high = np.quantile(centre + spread, [0.025, 0.975], axis=0)
+    return Uncertainty(
+        elements,
+        model.creep_order,
+        (float(max(low[-1], 0.0)), float(high[-1])),
+        (float(np.exp(max(low[n], -_WIDEST_LOG))), float(np.exp(min(high[n], _WIDEST_LOG)))),
+        centre + spread,
+        _advice(model, elements, float(errors[-1]), spread, given),
+    )
+
+
+def _elements(model: PiezoModel, errors: Array) -> tuple[ElementUncertainty, ...]:
+    """Return each element with the standard errors of the logarithms of its gain and saturation voltage."""
+    n = model.n_elements
     knees = _knees_v(model)
-    elements = tuple(
+    return tuple(
         ElementUncertainty(
             i + 1,
             float(model.kappa_um_per_v[i]),
@@ -163,15 +178,6 @@ def estimate_uncertainty(
             bool(errors[i] <= _DETERMINED and errors[n + 1 + i] <= _DETERMINED),
         )
         for i in range(n)
-    )
-    low, high = np.quantile(centre + spread, [0.025, 0.975], axis=0)
-    return Uncertainty(
-        elements,
-        model.creep_order,
-        (float(max(low[-1], 0.0)), float(high[-1])),
-        (float(np.exp(max(low[n], -_WIDEST_LOG))), float(np.exp(min(high[n], _WIDEST_LOG)))),
-        centre + spread,
-        _advice(model, elements, float(errors[-1]), spread, given),
     )
 
 

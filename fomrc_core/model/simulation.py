@@ -134,6 +134,7 @@ def run_chain(
         substeps: how steps are divided.
         covariates: what is known beside the drive.
     """
+    # Many arguments: a model and a model under fit both run through here; it takes the parts they share.
     drive = drive_at_elements(state, effects, steps_s, drive_v, substeps)
     moved_um = drive.at_samples(displacement_of_parts(state, at_creep, effects, drive))
     for effect in of_stage(effects, Stage.SENSED):

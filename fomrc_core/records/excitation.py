@@ -103,6 +103,7 @@ def relaxation(
     Raises:
         ParameterError: an argument outside what is allowed.
     """
+    # Many arguments: the choices of one drive, each with the paper's value and given by name.
     _voltage("amplitude_v", amplitude_v)
     positive("frequency_hz", frequency_hz, "Hz", at_least=_SLOWEST_HZ, at_most=0.25 * _rate(rate_hz))
     positive("duration_s", duration_s, "s", at_least=1.0 / frequency_hz)
@@ -194,6 +195,7 @@ def staircase(
     Raises:
         ParameterError: an argument outside what is allowed.
     """
+    # Many arguments: the choices of one drive, each with the paper's value and given by name.
     _voltage("step_v", step_v)
     positive("amplitude_v", amplitude_v, "V", at_least=step_v, at_most=_LARGEST_V)
     _refuse_too_many(
@@ -265,6 +267,7 @@ def multisine(
     Raises:
         ParameterError: an argument outside what is allowed, or a band without harmonics.
     """
+    # Many arguments: the choices of one drive, each with the paper's value and given by name.
     _voltage("amplitude_v", amplitude_v)
     positive("highest_hz", highest_hz, "Hz", below=0.5 * _rate(rate_hz))
     positive("lowest_hz", lowest_hz, "Hz", at_most=highest_hz)
