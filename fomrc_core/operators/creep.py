@@ -15,7 +15,9 @@ each direction is the exact inverse of the other, by algebra and not by approxim
 A batch of equal steps runs on shifted and scaled modes, ``p = (q - b y) / c`` with ``b`` the weight of the present
 input and ``c`` that of a former one: then ``p_k = d p_{k-1} + y_{k-1}``, two operations a mode, and nothing waits
 for the present output. Single steps, short runs and the stored state use the modes ``q`` themselves; both differ
-by rounding only. Sums over modes may be taken in any order (vector registers).
+by rounding only. Sums over modes may be taken in any order (vector registers). The compiler chooses the order, and
+asks at run time how far apart the arrays lie that a loop uses: so the arrays of such a loop are parts of one, and a
+state that was saved, copied or moved goes on bit for bit, wherever it lies in memory.
 """
 
 from __future__ import annotations
@@ -192,20 +194,24 @@ def _end_of_run(steps_s: Array, start: int) -> int:
 
 
 @compiled_sums
-def _shift_modes(packed: Array, at: int, shifted: Array, weighted: Array) -> tuple[float, float]:
-    # Fill the shifted modes and their weights; return the weight of the last input and the modes' sum.
+def _shift_modes(packed: Array, at: int, work: Array) -> tuple[float, float]:
+    # Fill the rows of the workspace: decays, shifted modes and their weights; return the weight of the last input
+    # and the modes' sum. Sums run over one array only: how far it lies from another decides on the order of a sum.
     n_modes = int(packed[at + N_MODES])
     first = at + HEADER
     previous = packed[at + PREVIOUS]
-    held, total = packed[at + HELD_WEIGHT], 0.0
     for j in range(n_modes):
         decay = packed[first + DECAY * n_modes + j]
         current = packed[first + FROM_CURRENT * n_modes + j]
         gain = packed[first + FROM_PREVIOUS * n_modes + j] + decay * current
-        shifted[j] = (packed[first + MODE * n_modes + j] - current * previous) / gain
-        weighted[j] = packed[first + WEIGHTED_DECAY * n_modes + j] * gain
-        held += packed[first + WEIGHTED_DECAY * n_modes + j] * current
-        total += weighted[j] * shifted[j]
+        work[j] = decay
+        work[n_modes + j] = (packed[first + MODE * n_modes + j] - current * previous) / gain
+        work[2 * n_modes + j] = packed[first + WEIGHTED_DECAY * n_modes + j] * gain
+        work[3 * n_modes + j] = packed[first + WEIGHTED_DECAY * n_modes + j] * current
+    held, total = packed[at + HELD_WEIGHT], 0.0
+    for j in range(n_modes):
+        held += work[3 * n_modes + j]
+        total += work[2 * n_modes + j] * work[n_modes + j]
     return held, total
 
 
@@ -229,8 +235,8 @@ def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array)
     ``out`` may be ``values`` itself.
     """
     n_modes = int(packed[at + N_MODES])
-    decays = packed[at + HEADER + DECAY * n_modes : at + HEADER + (DECAY + 1) * n_modes]
-    shifted, weighted = np.empty(n_modes), np.empty(n_modes)
+    work = np.empty(4 * n_modes)
+    decays, shifted, weighted = work[:n_modes], work[n_modes : 2 * n_modes], work[2 * n_modes : 3 * n_modes]
     start = 0
     while start < values.size:
         stop = _end_of_run(steps_s, start)
@@ -241,7 +247,7 @@ def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array)
             if steps_s[start] != packed[at + CACHED_STEP]:
                 prepare_step(packed, at, steps_s[start])
             now, previous = packed[at + CURRENT_WEIGHT], packed[at + PREVIOUS]
-            held, total = _shift_modes(packed, at, shifted, weighted)
+            held, total = _shift_modes(packed, at, work)
             for k in range(start, stop):
                 value = values[k]
                 out[k] = now * value + (held * previous + total)
@@ -262,8 +268,8 @@ def differentiate(packed: Array, at: int, values: Array, steps_s: Array, out: Ar
     ``out`` may be ``values`` itself.
     """
     n_modes = int(packed[at + N_MODES])
-    decays = packed[at + HEADER + DECAY * n_modes : at + HEADER + (DECAY + 1) * n_modes]
-    shifted, weighted = np.empty(n_modes), np.empty(n_modes)
+    work = np.empty(4 * n_modes)
+    decays, shifted, weighted = work[:n_modes], work[n_modes : 2 * n_modes], work[2 * n_modes : 3 * n_modes]
     start = 0
     while start < values.size:
         stop = _end_of_run(steps_s, start)
@@ -274,7 +280,7 @@ def differentiate(packed: Array, at: int, values: Array, steps_s: Array, out: Ar
             if steps_s[start] != packed[at + CACHED_STEP]:
                 prepare_step(packed, at, steps_s[start])
             inverse_now, previous = 1.0 / packed[at + CURRENT_WEIGHT], packed[at + PREVIOUS]
-            held, total = _shift_modes(packed, at, shifted, weighted)
+            held, total = _shift_modes(packed, at, work)
             for k in range(start, stop):
                 value = (values[k] - (held * previous + total)) * inverse_now
                 out[k] = value
