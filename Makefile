@@ -23,7 +23,7 @@ help:
 	@echo "make demo   a piezo stage linearised through ROS, and a measured actuator identified (about 3 minutes)"
 	@echo "make test   the tests"
 	@echo "make bench  the benchmarks"
-	@echo "make study  the full hidden-effect study (hours; resumable)"
+	@echo "make study  the properties on new examples, then the full hidden-effect study (hours; resumable)"
 	@echo "make lint   ruff and mypy"
 
 demo: $(RUN_STAMP)
@@ -37,6 +37,7 @@ bench: $(DEV_STAMP)
 	@$(BIN)/python -m benchmarks.ratios $(ARGS)
 
 study: $(DEV_STAMP)
+	@$(BIN)/python -m pytest test/core -m hypothesis --hypothesis-profile new_examples -n $(JOBS)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
 
 lint: $(DEV_STAMP)

@@ -1,4 +1,4 @@
-"""What every test run needs: tests that talk over ROS run last, one after the other, in a domain of their own."""
+"""What every test run needs: the same examples each time, and tests that talk over ROS last, in a domain of their own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ import random
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
+
+# A test run draws the same examples every time; "make study" draws new ones, with
+# --hypothesis-profile new_examples, and prints how to draw a failing one again.
+settings.register_profile("same_examples", derandomize=True, database=None)
+settings.register_profile("new_examples", print_blob=True)
+settings.load_profile("same_examples")
 
 # Set before any ROS context exists. Not overridden where the caller has chosen a domain.
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
