@@ -236,7 +236,7 @@ def test_others_use_only_what_a_package_offers(package: str) -> None:
 
 
 def test_files_hold_one_concept_each() -> None:
-    folders = (*_PACKAGES, "test", "benchmarks", "launch", "examples", "docs")
+    folders = (*_PACKAGES, "challenge", "test", "benchmarks", "launch", "examples", "docs")
     sources = [path for folder in folders for path in _sources(folder)] + [_ROOT / "setup.py"]
     n_lines = {str(path.relative_to(_ROOT)): len(path.read_text().splitlines()) for path in sources}
     assert {name: n for name, n in n_lines.items() if n > _N_LINES_MAX} == {}

@@ -186,6 +186,8 @@ def run(spec: SecondSpec, folder: str) -> str:
         start_s = time.perf_counter()
         case = spec.draw()
         outcome["truth"] = truth_of(case)
+        if spec.group in ("known", "new") and spec.causes != (MISSING,):
+            outcome["truth"]["rival"] = asdict(case.nearest_rival(spec.causes[0]))
         outcome["truth_wall_s"] = time.perf_counter() - start_s
         outcome |= _diagnosed(spec, case)
     except Exception as error:

@@ -16,6 +16,8 @@ _NAMES_OF_FORM = ("asymmetric_hysteresis", "missing_hysteresis", "rate_dependent
 # Plays can be a backlash, wholly, so that nothing found is a right answer to it.
 ABSORBED = "backlash"
 SURE = 0.9
+# What the nearest other cause leaves of a hidden one, over the noise: below, no drive in the records tells them apart.
+LEAST_DISTINCT = 0.5
 
 
 def accepted(outcome: Outcome) -> set[str]:
@@ -44,6 +46,15 @@ def is_first_right(outcome: Outcome) -> bool:
     """Return whether a true cause is named first."""
     names = named(outcome)
     return bool(names) and names[0] in accepted(outcome)
+
+
+def is_first_or_open(outcome: Outcome) -> bool:
+    """Return whether a true cause is first, or left open beside the first where these drives cannot tell them apart."""
+    rival = outcome.get("truth", {}).get("rival")
+    if is_first_right(outcome) or rival is None or rival["distinct_over_noise"] >= LEAST_DISTINCT:
+        return is_first_right(outcome)
+    open_ones = {*named(outcome), *outcome.get("ambiguous_with", [])} if outcome["status"] == "ambiguous" else set()
+    return bool(open_ones & set(outcome["spec"]["causes"]))
 
 
 def is_right_and_complete(outcome: Outcome) -> bool:

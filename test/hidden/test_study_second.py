@@ -19,6 +19,7 @@ from test.hidden.study_second_scores import (
     accepted,
     calibrated,
     is_clean_null,
+    is_first_or_open,
     is_first_right,
     is_halved,
     is_right_and_complete,
@@ -73,6 +74,16 @@ def test_scores() -> None:
     assert is_worse(right | {"report_over_noise_after": 10.6})
     assert calibrated([right, wrong]) == [(0.95, True), (0.95, False)]
     assert accepted(_outcome(("second_mode",), ())) == {"second_mode", "mechanical_resonance"}
+
+
+def test_a_cause_may_be_left_open_only_where_no_drive_tells_it_from_another() -> None:
+    told = _outcome(("transport_delay",), ("sensor_bandwidth",), "ambiguous", ambiguous_with=["transport_delay"])
+    near = {**told["truth"], "rival": {"cause": "sensor_bandwidth", "distinct_over_noise": 0.1}}
+    far = {**told["truth"], "rival": {"cause": "sensor_bandwidth", "distinct_over_noise": 3.0}}
+    assert is_first_or_open(told | {"truth": near})
+    assert not is_first_or_open(told | {"truth": far})
+    assert not is_first_or_open(told | {"truth": near, "ambiguous_with": []})
+    assert not is_first_or_open(told | {"truth": near, "status": "explained"})
 
 
 def test_a_name_of_form_is_not_wrong_where_plays_cannot_be_the_truth() -> None:

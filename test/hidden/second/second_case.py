@@ -16,6 +16,7 @@ from test.hidden.second.coarse_model import CoarseModel
 from test.hidden.second.data_faults import FAULT_KINDS, DataFault, apply_fault, draw_fault
 from test.hidden.second.hidden_causes import DRAWS, MISSING
 from test.hidden.second.hysteresis_forms import REPRESENTABLE
+from test.hidden.second.rivals import Rival, nearest_rival
 from test.hidden.second.scale import Scale, chance
 from test.hidden.second.sensor_noise import NOISE_KINDS, draw_noise
 from test.hidden.second.sizing import Sized, Sizing
@@ -69,6 +70,7 @@ class SecondCase:
             training record with nothing hidden, gets wrong [um]; as good as nothing for a form that plays can be.
         drive_kinds: of each record.
         coarse: a model with too few plays to hand over, where that is the cause; None otherwise.
+        sizing: the bench without noise, to ask further questions of.
         seed: what it was drawn from.
         n_attempts: how many benches were drawn until one showed every cause.
     """
@@ -87,6 +89,7 @@ class SecondCase:
     form_error_um: float
     drive_kinds: dict[str, tuple[str, ...]]
     coarse: CoarseModel | None
+    sizing: Sizing = field(repr=False)
     seed: int
     n_attempts: int
 
@@ -99,6 +102,11 @@ class SecondCase:
     def is_representable(self) -> bool:
         """Whether plays and power-law creep could be this actuator but for what is hidden."""
         return self.hysteresis_form in REPRESENTABLE
+
+    def nearest_rival(self, cause: str) -> Rival:
+        """Return the other cause that comes nearest to one that is hidden, on these drives."""
+        rng = chance(self.seed, f"rivals {cause}")
+        return nearest_rival(self.sizing, cause, self.parameters[cause], self.noise_um, rng)
 
 
 def draw(
@@ -128,12 +136,18 @@ def draw(
     """
     _check(causes, noise, faults)
     for attempt in range(_N_ATTEMPTS):
-        bench = draw_bench(chance(seed, f"bench {attempt}"), causes, form, n_samples, extent)
-        sizing = Sizing(bench, int(chance(seed, f"circumstances {attempt}").integers(2**31)))
+        sizing = _sizing(seed, attempt, causes, form, n_samples, extent)
         found = sizing.fit_all(causes, chance(seed, f"sizes {attempt}"))
         if found is not None:
             return _measure(seed, attempt + 1, sizing, found, noise, faults)
     raise RuntimeError(f"seed {seed}: no bench of {_N_ATTEMPTS} shows {causes}")
+
+
+def _sizing(
+    seed: int, attempt: int, causes: tuple[str, ...], form: str, n_samples: tuple[int, int], extent: str
+) -> Sizing:
+    bench = draw_bench(chance(seed, f"bench {attempt}"), causes, form, n_samples, extent)
+    return Sizing(bench, int(chance(seed, f"circumstances {attempt}").integers(2**31)))
 
 
 def _check(causes: tuple[str, ...], noise: str | None, faults: tuple[str, ...]) -> None:
@@ -178,6 +192,7 @@ def _measure(
         form_error_um=sizing.form_error_um,
         drive_kinds=bench.kinds,
         coarse=found.coarse,
+        sizing=sizing,
         seed=seed,
         n_attempts=n_attempts,
     )

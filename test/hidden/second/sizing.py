@@ -74,13 +74,17 @@ class Sizing:
         actuator = self.bench.actuator.having(effects)
         return actuator.true_um(trace.command_v, trace.step_s, circumstance) - circumstance.offset_um
 
-    def visible(self, cause: str, parameters: dict[str, Any]) -> tuple[float, float]:
-        """Return the rms in train and test of what no base could absorb of an effect [um]."""
+    def left_um(self, cause: str, parameters: dict[str, Any]) -> list[np.ndarray]:
+        """Return, for train and test, what no base could absorb of an effect [um]."""
         changes = [self.clean_um(which, {cause: parameters}) - self.plain_um[which] for which in range(2)]
         if cause == "backlash":
             # Plays can be a backlash, wholly: its size is what it does, not what they leave of it.
-            return rms(changes[0] - changes[0].mean()), rms(changes[1] - changes[1].mean())
-        train, test = visible_um(changes, self.basis)
+            return [change - change.mean() for change in changes]
+        return visible_um(changes, self.basis)
+
+    def visible(self, cause: str, parameters: dict[str, Any]) -> tuple[float, float]:
+        """Return the rms of it in train and in test [um]."""
+        train, test = self.left_um(cause, parameters)
         return rms(train), rms(test)
 
     def fit_all(self, causes: tuple[str, ...], rng: np.random.Generator) -> Sized | None:
