@@ -146,6 +146,11 @@ def test_the_core_is_rooms_and_not_a_floor_of_files() -> None:
     assert len(folders) <= _N_ROOMS_MAX
 
 
+def test_the_tests_follow_the_rooms() -> None:
+    folders = {path.name for path in (_ROOT / "test" / "core").iterdir() if path.is_dir() and path.name[0] not in "._"}
+    assert {f"fomrc_core.{folder}" for folder in folders} <= set(_LAYER_OF_ROOM)
+
+
 @pytest.mark.parametrize("room", _LAYER_OF_ROOM)
 def test_a_room_imports_only_from_layers_below(room: str) -> None:
     bad = [
