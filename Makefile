@@ -24,7 +24,7 @@ help:
 	@echo "make test   the tests"
 	@echo "make bench  the benchmarks"
 	@echo "make study  the properties on new examples, then the full hidden-effect study (hours; resumable)"
-	@echo "make lint   ruff and mypy"
+	@echo "make lint   ruff (complexity, docstrings, format) and mypy"
 
 demo: $(RUN_STAMP)
 	@$(BIN)/fomrc demo
