@@ -1,4 +1,4 @@
-"""What every test run needs: the same examples each time, and tests that talk over ROS last, in a domain of their own."""
+"""What every test run needs: the same examples each time; tests that talk over ROS last, in a domain of their own."""
 
 from __future__ import annotations
 
