@@ -13,16 +13,15 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined
+from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import HeldView, Screened
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, refit
-from fomrc_core.fitting.linear_part import Tangent, squared_error
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
-from fomrc_core.records.noise import autocorrelation_inflation
 
 Array = NDArray[np.float64]
 
@@ -35,6 +34,7 @@ _TRAINING_COUNTS = 0.3
 _RICH_PENALTY = 1.02
 _LEAST_SCORED = 0.3  # of the held-out samples; where less is determined nothing is left out
 _HOPELESS = 4.0  # times the least squared error so far
+_LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,30 +82,31 @@ class Candidate:
 
 
 def candidates_for(
-    chain: TrialModel,
-    split: DataSplit,
-    space: Tangent,
-    left: tuple[Array, ...],
-    screened: tuple[Screened, ...],
-    executor: Executor | None,
+    present: PresentModel, split: DataSplit, screened: tuple[Screened, ...], executor: Executor | None
 ) -> list[Candidate]:
     """Return the likely causes after their joint refits, the most gaining first.
 
     Args:
-        chain: the present model.
+        present: the present model.
         split: records.
-        space: tangent of its linear part.
-        left: residual per training record [um].
         screened: the screening's trial instances.
         executor: runs refits side by side where given.
     """
-    error = squared_error(split.train, left)
-    inflation = max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(left, split.train, strict=True))
+    by_cause = _worth_a_refit(present, split, screened)
+    tasks = [(present, split, trials) for trials in by_cause]
+    run = map if executor is None else executor.map
+    found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
+    return sorted(found, key=lambda candidate: -candidate.total_gain)
+
+
+def _worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
+    """Return the trial instances of each cause that may explain much, the likeliest first."""
+    error = present.squared_error
+    inflation = residual_inflation(present.residuals_um, split.train)
     variance = error / split.n_used
-    limit = min(_MIN_SCREENED * variance * min(inflation, 200.0), _ENOUGH_SHARE * error)
-    view = [np.dot(v, v) for v in held_residuals(chain, split.held)]
-    held_limit = max(limit, _LEAST_SHARE * float(sum(view)))
-    limit = max(limit, _LEAST_SHARE * error)
+    limit = min(_MIN_SCREENED * variance * min(inflation, _LARGEST_INFLATION), _ENOUGH_SHARE * error)
+    held_error = sum(float(np.dot(v, v)) for v in held_residuals(present.model, split.held))
+    held_limit, limit = max(limit, _LEAST_SHARE * held_error), max(limit, _LEAST_SHARE * error)
     by_cause: dict[str, list[Screened]] = {}
     for trial in screened:
         if trial.explained > limit or trial.explained_held > held_limit:
@@ -115,23 +116,15 @@ def candidates_for(
     likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
     held = {name: max(t.explained_held for t in trials) for name, trials in by_cause.items()}
     likely += [name for name in _likely(held) if name not in likely]
-    for name in likely:
+    most_held = max(held.values())
+
+    def worth(trial: Screened) -> float:
         # what the base absorbs in training is told apart on the held-out record
-        by_cause[name].sort(
-            key=lambda t: (
-                -(
-                    t.explained / error + t.explained_held / max(held.values(), default=1.0)
-                    if max(held.values()) > 0.0
-                    else t.explained
-                )
-            )
-        )
+        return trial.explained / error + (trial.explained_held / most_held if most_held > 0.0 else 0.0)
+
     # a scan takes longest: begun last it would be waited for
     likely.sort(key=lambda name: not cause_classes()[name].is_scanned)
-    tasks = [(chain, split, space, by_cause[name], error) for name in likely]
-    run = map if executor is None else executor.map
-    found = [c for c in run(_fit_candidate, tasks) if c is not None]
-    return sorted(found, key=lambda c: -c.total_gain)
+    return [sorted(by_cause[name], key=worth, reverse=True) for name in likely]
 
 
 def _likely(explained: dict[str, float]) -> list[str]:
@@ -140,92 +133,95 @@ def _likely(explained: dict[str, float]) -> list[str]:
     return sorted(names, key=lambda name: -explained[name])[:_MAX_CANDIDATES]
 
 
-def held_view(chain: TrialModel, split: DataSplit) -> HeldView | None:
-    """Return the held-out record under the chain; None where blocks of the training records are held out."""
-    own = [part for part in split.held if part.index >= len(split.train)]
-    return HeldView.of(chain, own[0].record, own[0].index) if own else None
+def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
+    """Return the held-out record under a model; None where blocks of the training records are held out."""
+    apart = [part for part in split.held if part.index >= len(split.train)]
+    return HeldView.of(model, apart[0].record, apart[0].index) if apart else None
 
 
-def _fit_candidate(task: tuple[TrialModel, DataSplit, Tangent, list[Screened], float]) -> Candidate | None:
-    chain, split, space, trials, error = task
-    cause = trials[0].name
-    kind = cause_classes()[cause]
+def _fit_candidate(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Candidate | None:
+    present, split, trials = task
+    model, error, cause = present.model, present.squared_error, trials[0].name
     bound = trials[0].cause.belongs_to_record()
     trials = [trial for trial in trials if trial.cause.belongs_to_record() == bound]
-    fits: list[Refit] = []
-    for variant, directions in start_variants(chain, split, space):
-        starts = fit_starts(variant, trials, bound, split, directions)
-        if kind.is_scanned:
-            starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
-        for start in starts:
-            # a family of columns and a large effect turn the directions of the linear part: take them anew
-            is_new = start.weights.size != chain.weights.size or clear_error(start, split, directions) > 2.0 * error
-            least = min([error, *(f.squared_error for f in fits)])
-            fits.append(
-                refit(
-                    start, split.train, None if is_new else directions, n_iterations=8, hopeless_um2=_HOPELESS * least
-                )
-            )
+    fits = _fits_from_starts(present, split, trials, bound)
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
         return None
     # as many more weights must earn their keep
-    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.chain.n_owned > chain.n_owned else 1.0))
+    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.model.n_owned > model.n_owned else 1.0))
     # the forms of what befell single records differ little until the base no longer bends to it
     ways = fits if bound else [best]
     best = min((_followed(way, split, error) for way in ways), key=lambda f: f.squared_error)
-    before, after = _held_pair(chain, best, split, cause, bound)
-    n_free = len(free_parameters(best.chain)) - len(free_parameters(chain))
+    before, after = _held_pair(model, best, split, cause, bound)
+    n_free = len(free_parameters(best.model)) - len(free_parameters(model))
     longest = max(float(record.time_s[-1]) for record in split.train)
-    acting = (c for at, c in best.chain.found() if at is None or at < len(split.train))
+    acting = (c for at, c in best.model.found() if at is None or at < len(split.train))
     is_plausible = all(c.is_plausible(longest) for c in acting)
     is_plausible = is_plausible and (not bound or _is_confirmed(best, split, cause))
     train_gain = math.log(error / best.squared_error)
+    is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
-    is_distinguishable = not kind.needs_many_loops or split.is_telling
     return Candidate(cause, best, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
+
+
+def _fits_from_starts(present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool) -> list[Refit]:
+    """Return the joint refits of a cause from each of its starts, hopeless ones broken off."""
+    fits: list[Refit] = []
+    for variant, directions in start_variants(present, split):
+        starts = fit_starts(variant, trials, bound, split, directions)
+        if trials[0].cause.is_scanned:
+            starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
+        for start in starts:
+            # a family of columns and a large effect turn the directions of the linear part: take them anew
+            is_new = start.weights.size != present.model.weights.size
+            is_new = is_new or clear_error(start, split, directions) > 2.0 * present.squared_error
+            hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
+            given = None if is_new else directions
+            fits.append(refit(start, split.train, given, n_iterations=8, hopeless_um2=hopeless))
+    return fits
 
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
     """Return the refit with plays chosen anew, where it moved much or not to the end."""
     if fitted.squared_error > 0.5 * error and fitted.is_converged:
         return fitted
-    again = refit(rebased(fitted.chain, split.train), split.train, n_iterations=8)
+    again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
     return again if again.squared_error < fitted.squared_error else fitted
 
 
 def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:
     """Return whether some record shows what the effect must show there."""
-    without = fitted.chain.without(cause)
+    without = fitted.model.without(cause)
     for index, record in enumerate(split.train):
-        found = next((c for _, c in fitted.chain.found(index) if c.name == cause), None)
+        found = next((c for _, c in fitted.model.found(index) if c.name == cause), None)
         if found is None:
             continue
-        left = record.measured_um - predict(without, record, index)
-        if found.is_confirmed(record.time_s, record.voltage_v, left):
+        residual_um = record.measured_um - predict(without, record, index)
+        if found.is_confirmed(record.time_s, record.voltage_v, residual_um):
             return True
     return False
 
 
 def _held_pair(
-    chain: TrialModel, fitted: Refit, split: DataSplit, cause: str, bound: bool
+    model: TrialModel, fitted: Refit, split: DataSplit, cause: str, bound: bool
 ) -> tuple[list[Array], list[Array]]:
     if not bound:
-        return held_residuals(chain, split.held), held_residuals(fitted.chain, split.held)
+        return held_residuals(model, split.held), held_residuals(fitted.model, split.held)
     # An effect of one record cannot be held out by another record: hold out blocks of the same one.
-    indices = [i for i in range(len(split.train)) if fitted.chain.has(cause, i)]
+    indices = [i for i in range(len(split.train)) if fitted.model.has(cause, i)]
     learned = tuple(r.using(r.is_used & learned_blocks(r.time_s.size)) for r in split.train)
-    blocked = refit(fitted.chain, learned, n_iterations=4)
-    base = refit(chain, learned, n_iterations=2)
-    scored = _scored(split, indices, learned, (base.chain, blocked.chain))
-    return held_residuals(base.chain, scored), held_residuals(blocked.chain, scored)
+    blocked = refit(fitted.model, learned, n_iterations=4)
+    base = refit(model, learned, n_iterations=2)
+    scored = _scored(split, indices, learned, (base.model, blocked.model))
+    return held_residuals(base.model, scored), held_residuals(blocked.model, scored)
 
 
 def _scored(
-    split: DataSplit, indices: list[int], learned: tuple[FitRecord, ...], chains: tuple[TrialModel, ...]
+    split: DataSplit, indices: list[int], learned: tuple[FitRecord, ...], models: tuple[TrialModel, ...]
 ) -> tuple[HeldOut, ...]:
     """Return the held-out blocks of these records, without what the learned ones leave open in either model."""
     blocks = tuple(held_out_blocks(r.time_s.size) for r in split.train)
-    masks = [np.all(both, axis=0) for both in zip(*(determined(c, learned, blocks) for c in chains), strict=True)]
+    masks = [np.all(both, axis=0) for both in zip(*(determined(c, learned, blocks) for c in models), strict=True)]
     used = [
         masks[i] if np.count_nonzero(masks[i]) >= _LEAST_SCORED * np.count_nonzero(blocks[i]) else blocks[i]
         for i in indices

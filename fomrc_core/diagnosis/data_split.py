@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.drive import (
     MANY_LOOPS,
     begins_at_zero,
@@ -22,6 +23,8 @@ from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
 Array = NDArray[np.float64]
+
+SUBSTEPS = Substeps.BENDS  # of every record and model of a diagnosis: what is told apart is no more than some nm
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +79,14 @@ def split_data(
     recordings: tuple[Recording, ...], test: Recording | None, report: Recording | None, noise_um: float
 ) -> DataSplit:
     """Return the split; without a test record blocks of the training records are held out, with gaps."""
-    train = tuple(FitRecord.of(r) for r in recordings)
+    train = tuple(FitRecord.of(r, substeps=SUBSTEPS) for r in recordings)
     held: tuple[HeldOut, ...]
     if test is None:
         held = tuple(HeldOut(r.using(held_out_blocks(r.time_s.size)), i) for i, r in enumerate(train))
         train = tuple(r.using(learned_blocks(r.time_s.size)) for r in train)
     else:
-        held = (HeldOut(_scored(FitRecord.of(test)), len(train)),)
-    quoted = held if report is None else (HeldOut(_scored(FitRecord.of(report)), len(train) + 1),)
+        held = (HeldOut(_scored(FitRecord.of(test, substeps=SUBSTEPS)), len(train)),)
+    quoted = held if report is None else (HeldOut(_scored(FitRecord.of(report, substeps=SUBSTEPS)), len(train) + 1),)
     return DataSplit(train, held, quoted, noise_um)
 
 
@@ -91,7 +94,7 @@ def _scored(record: FitRecord) -> FitRecord:
     return record.using(is_settled(record.time_s, record.voltage_v))
 
 
-def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
+def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     """Return measured minus predicted, offset removed, on the scored samples of each held-out stretch [um].
 
     Where the start is not sure, a rest at the first voltage and the relaxed state are both tried and the better
@@ -99,11 +102,11 @@ def held_residuals(chain: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     """
     found = []
     for part in held:
-        options = [chain]
-        if not begins_at_zero(part.record.voltage_v) and part.index < len(chain.record_effects):
-            start = chain.start_of(part.index)
+        options = [model]
+        if not begins_at_zero(part.record.voltage_v) and part.index < len(model.record_effects):
+            start = model.start_of(part.index)
             if start is None or start.is_plain_rest:
-                options = [chain.with_start(part.index, start) for start in (None, part.record.at_rest())]
+                options = [model.with_start(part.index, start) for start in (None, part.record.at_rest())]
         residuals = []
         for option in options:
             raw = part.record.measured_um - predict(option, part.record, part.index)

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import loses_to
-from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
-from fomrc_core.records.noise import autocorrelation_inflation
 
 SURE = 10.0  # difference in log likelihood that settles it
 _SIGNIFICANCE = 0.01
@@ -68,7 +67,7 @@ def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) ->
     return tied
 
 
-def still_tied(chain: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
+def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
     """Return those of the tied candidates that another record does not tell apart either.
 
     What belongs to single records is scored on blocks of its own; once it has been fitted to the held-out record
@@ -76,7 +75,7 @@ def still_tied(chain: TrialModel, tied: Sequence[Candidate], split: DataSplit) -
     """
     if not split.is_apart:
         return list(tied)
-    held = held_residuals(chain, split.held)
+    held = held_residuals(model, split.held)
     return [other for other in tied if other.is_bound or loses_to(held, list(other.held)) > _TIE_P_VALUE]
 
 
@@ -100,9 +99,4 @@ def sure_gain(final: Refit, other: Refit, split: DataSplit) -> float:
 
 
 def _n_effective(fitted: Refit, split: DataSplit) -> float:
-    return split.n_used / residual_inflation(fitted, split.train)
-
-
-def residual_inflation(final: Refit, records: tuple[FitRecord, ...]) -> float:
-    """Return by how much correlation of what is left widens standard errors."""
-    return max(autocorrelation_inflation(v[r.is_used]) for v, r in zip(final.residual, records, strict=True))
+    return split.n_used / residual_inflation(fitted.residual, split.train)

@@ -20,7 +20,7 @@ from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
 from fomrc_core.diagnosis.extended_model import extend
 from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
-from fomrc_core.diagnosis.missing_elements import coarse_chain, missing_step, n_elements_needed
+from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.search import SearchResult, Step, search
 from fomrc_core.errors import ParameterError
@@ -181,36 +181,36 @@ def diagnose(
     base = _base(split, N_THRESHOLDS)
     found = search(base, split, causes, tell, executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
-    coarse = coarse_chain(model, split) if model is not None else None
+    coarse = coarse_model(model, split) if model is not None else None
     first: Step | None = None
     tell(0.96, "number of elements")
     if coarse is not None and elements is not None:
-        first = missing_step(elements, coarse, base, found.chain, split, len(cause_classes()))
+        first = missing_step(elements, coarse, base, found.model, split, len(cause_classes()))
     return _result(split, noise, base if first is None else coarse or base, found, first, tell)
 
 
 def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
     columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
-    chain, _, _ = fit_base(split.train, columns, choose_starts(split.train))
+    model, _, _ = fit_base(split.train, columns, choose_starts(split.train))
     n_grid = min(max(longest_sweep([r.voltage_v for r in split.train]), n_thresholds), N_GRID)
     nothing = tuple(() for _ in range(split.n_records))
-    chain = replace(chain, record_effects=nothing, grid_v=threshold_grid(split.train, n_grid))
-    return refit(rebased(chain, split.train), split.train, n_iterations=3).chain
+    model = replace(model, record_effects=nothing, grid_v=threshold_grid(split.train, n_grid))
+    return refit(rebased(model, split.train), split.train, n_iterations=3).model
 
 
 def _result(
     split: DataSplit, noise: NoiseFloor, base: TrialModel, found: SearchResult, first: Step | None, tell: Progress
 ) -> Diagnosis:
     steps = (first, *found.steps) if first is not None else found.steps
-    extension = extend(found.chain, split)
+    extension = extend(found.model, split)
     tell(0.97, "what remains")
-    records, worst, floor = _views(split, base, extension.chain, noise)
+    records, worst, floor = _views(split, base, extension.trial, noise)
     span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
     before = rms(np.concatenate(held_residuals(base, split.report)))
-    after = rms(np.concatenate(held_residuals(extension.chain, split.report)))
+    after = rms(np.concatenate(held_residuals(extension.trial, split.report)))
     train_span = max(float(np.ptp(r.measured_um)) for r in split.train)
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
-    findings = findings_of(steps, extension.chain, found.final, split, floor, n_elements_needed(extension.model))
+    findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
     is_clean = worst <= EXPLAINED_RATIO * floor
     if tied:
@@ -242,7 +242,7 @@ def _result(
 
 
 def _views(
-    split: DataSplit, base: TrialModel, chain: TrialModel, noise: NoiseFloor
+    split: DataSplit, base: TrialModel, model: TrialModel, noise: NoiseFloor
 ) -> tuple[tuple[RecordView, ...], float, float]:
     """Return the records before and after, the worst rms of any, and the floor with what was found taken out."""
     roles = [("train", HeldOut(record, i)) for i, record in enumerate(split.train)]
@@ -252,7 +252,7 @@ def _views(
     for role, part in roles:
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
         before = _best_start(base, record, part.index)
-        after = _best_start(chain, record, part.index)
+        after = _best_start(model, record, part.index)
         views.append(
             RecordView(record.recording.name, role, record.time_s, record.voltage_v, record.measured_um, before, after)
         )
@@ -263,9 +263,9 @@ def _views(
     return tuple(views), max(errors), min(noise.floor_um, again.floor_um)
 
 
-def _best_start(chain: TrialModel, record: FitRecord, index: int) -> Array:
-    options = [chain]
-    if index < len(chain.record_effects) and not chain.causes_in(index) and record.voltage_v[0] != 0.0:
-        options.append(chain.with_start(index, record.at_rest()))
+def _best_start(model: TrialModel, record: FitRecord, index: int) -> Array:
+    options = [model]
+    if index < len(model.record_effects) and not model.causes_in(index) and record.voltage_v[0] != 0.0:
+        options.append(model.with_start(index, record.at_rest()))
     found = [centred(record.measured_um - predict(o, record, index), record.is_used) for o in options]
     return min(found, key=lambda r: rms(r[record.is_used]))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import residual_inflation
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
+from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.search import Step
 from fomrc_core.effects.base.cause import Cause
@@ -68,13 +68,13 @@ class Finding:
 
 
 def findings_of(
-    steps: tuple[Step, ...], final_chain: TrialModel, final: Refit, split: DataSplit, floor_um: float, n_elements: int
+    steps: tuple[Step, ...], final_model: TrialModel, final: Refit, split: DataSplit, floor_um: float, n_elements: int
 ) -> tuple[Finding, ...]:
     """Return the findings of the steps that stand, their parameters as in the final model.
 
     Args:
         steps: acceptances in order.
-        final_chain: the final model.
+        final_model: the final model.
         final: its joint refit, for standard errors.
         split: records; before and after are quoted on its report stretches.
         floor_um: noise floor [um].
@@ -84,15 +84,15 @@ def findings_of(
         return ()
     span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
     floor = 100.0 * floor_um / span
-    errors = final.standard_errors(split.train, residual_inflation(final, split.train))
-    chains = [step.before for step in steps[1:]] + [final_chain]
+    errors = final.standard_errors(split.train, residual_inflation(final.residual, split.train))
+    models = [step.before for step in steps[1:]] + [final_model]
     found = []
-    for step, after_chain in zip(steps, chains, strict=True):
+    for step, after_model in zip(steps, models, strict=True):
         cause = step.accepted.cause
         kind = cause_classes()[cause]
         before = 100.0 * rms(np.concatenate(held_residuals(step.before, split.report))) / span
-        after = 100.0 * rms(np.concatenate(held_residuals(after_chain, split.report))) / span
-        acting, index = _find(final_chain, cause)
+        after = 100.0 * rms(np.concatenate(held_residuals(after_model, split.report))) / span
+        acting, index = _find(final_model, cause)
         # what has been folded into the elements shows in their number
         parameters: Values = {kind.main_parameter: float(n_elements)} if acting is None else acting.to_mapping()
         own_errors = {name: value for (owner, at, name), value in errors.items() if owner == cause and at == index}
@@ -119,10 +119,10 @@ def findings_of(
     return tuple(found)
 
 
-def _find(chain: TrialModel, name: str) -> tuple[Cause | None, int | None]:
+def _find(model: TrialModel, name: str) -> tuple[Cause | None, int | None]:
     """Return a cause with its plays and the record it belongs to, the first of them; None where it does not act."""
-    of_actuator = ((None, effect) for effect in chain.actuator_effects())
-    of_records = ((index, cause) for index, cause in chain.found() if index is not None)
+    of_actuator = ((None, effect) for effect in model.actuator_effects())
+    of_records = ((index, cause) for index, cause in model.found() if index is not None)
     found = ((cause, index) for index, cause in (*of_actuator, *of_records) if cause.name == name)
     return next(found, (None, None))
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.prehistory_search import way_v, with_searched_past
+from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.effects import Effect
 from fomrc_core.effects.base.cause import Cause
@@ -25,33 +26,33 @@ Array = NDArray[np.float64]
 _MAX_STARTS = 12
 
 
-def clear_error(start: TrialModel, split: DataSplit, space: Tangent) -> float:
+def clear_error(start: TrialModel, split: DataSplit, directions: Tangent) -> float:
     """Return the squared error of a start once its linear part has followed [um^2]."""
-    return squared_error(split.train, space.remove(split.train, residuals(start, split.train)))
+    return squared_error(split.train, directions.remove(split.train, residuals(start, split.train)))
 
 
 def fit_starts(
-    chain: TrialModel, trials: list[Screened], bound: bool, split: DataSplit, space: Tangent
+    model: TrialModel, trials: list[Screened], bound: bool, split: DataSplit, directions: Tangent
 ) -> list[TrialModel]:
-    """Return chains with an effect from which fits of it begin.
+    """Return models with an effect from which fits of it begin.
 
     Args:
-        chain: without it.
+        model: without it.
         trials: instances of it, the likeliest first.
         bound: whether it belongs to single records.
         split: records.
-        space: tangent of the chain's linear part.
+        directions: tangent of the model's linear part.
     """
     first = trials[0].cause
     if isinstance(first, Effect) and first.owns_columns:
-        return _starts_with_columns(chain, trials)
+        return _starts_with_columns(model, trials)
     if bound:
-        return [_joined(chain, group, split, space) for group in _groups(trials)]
+        return [_joined(model, group, split, directions) for group in _groups(trials)]
     if first.is_scanned:
-        return [chain.with_cause(trial.cause) for trial in trials[:2]]
+        return [model.with_cause(trial.cause) for trial in trials[:2]]
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
-    options = [chain.with_cause(sized(trial)) for trial in trials[:_MAX_STARTS]]
-    best = sorted(options[1:], key=lambda option: clear_error(option, split, space))[:2]
+    options = [model.with_cause(sized(trial)) for trial in trials[:_MAX_STARTS]]
+    best = sorted(options[1:], key=lambda option: clear_error(option, split, directions))[:2]
     return [options[0], *best]
 
 
@@ -71,54 +72,55 @@ def _groups(trials: list[Screened]) -> list[list[Screened]]:
     return list(groups.values())
 
 
-def _joined(chain: TrialModel, trials: list[Screened], split: DataSplit, space: Tangent) -> TrialModel:
-    """Return the chain with the best trial of every record."""
+def _joined(model: TrialModel, trials: list[Screened], split: DataSplit, directions: Tangent) -> TrialModel:
+    """Return the model with the best trial of every record."""
     for index in sorted({trial.index for trial in trials if trial.index is not None}):
         pasts = [t.cause for t in trials if t.index == index and isinstance(t.cause, Prehistory)]
         if pasts:
-            chain = with_searched_past(chain, index, pasts, lambda c: clear_error(c, split, space))
+            model = with_searched_past(model, index, pasts, lambda c: clear_error(c, split, directions))
             continue
-        own = [t for t in trials if t.index == index][:_MAX_STARTS]
-        plain = space.remove(split.train, residuals(chain, split.train))
-        chain = min((_resized(chain, t, plain, split, space) for t in own), key=lambda option: option[0])[1]
-    return chain
+        of_record = [t for t in trials if t.index == index][:_MAX_STARTS]
+        clear_um = directions.remove(split.train, residuals(model, split.train))
+        options = (_resized(model, t, clear_um, split, directions) for t in of_record)
+        model = min(options, key=lambda option: option[0])[1]
+    return model
 
 
 def _resized(
-    chain: TrialModel, trial: Screened, plain: tuple[Array, ...], split: DataSplit, space: Tangent
+    model: TrialModel, trial: Screened, clear_um: tuple[Array, ...], split: DataSplit, directions: Tangent
 ) -> tuple[float, TrialModel]:
-    """Return the error of a trial of one record beside what was joined before it, sized to that, and the chain."""
-    option = chain.with_cause(sized(trial), trial.index)
-    left = space.remove(split.train, residuals(option, split.train))
+    """Return the error of a trial of one record beside what was joined before it, sized to that, and the model."""
+    option = model.with_cause(sized(trial), trial.index)
+    then_um = directions.remove(split.train, residuals(option, split.train))
     gain = power = 0.0
-    for record, before, after in zip(split.train, plain, left, strict=True):
+    for record, before, after in zip(split.train, clear_um, then_um, strict=True):
         signature = (before - after)[record.is_used]
         gain += float(np.dot(before[record.is_used], signature))
         power += float(np.dot(signature, signature))
-    error = squared_error(split.train, left)
+    error = squared_error(split.train, then_um)
     if not power > 0.0 or not gain > 0.0:
         return error, option
     again = replace(trial, amplitude=trial.amplitude * gain / power)
-    return squared_error(split.train, plain) - gain**2 / power, chain.with_cause(sized(again), trial.index)
+    return squared_error(split.train, clear_um) - gain**2 / power, model.with_cause(sized(again), trial.index)
 
 
-def _starts_with_columns(chain: TrialModel, trials: list[Screened]) -> list[TrialModel]:
-    """Return the effect without its plays, and with the whole family of them as columns beside those of the chain."""
+def _starts_with_columns(model: TrialModel, trials: list[Screened]) -> list[TrialModel]:
+    """Return the effect without its plays, and with the whole family of them as columns beside those of the model."""
     family = next((t for t in trials if isinstance(t.cause, Effect) and ColumnKinds.plays_of(t.cause).owners), None)
     if family is None:
-        return [chain.with_cause(sized(trials[0]))]
+        return [model.with_cause(sized(trials[0]))]
     assert isinstance(family.cause, Effect)
     nothing = np.zeros(0)
-    bare = chain.with_cause(family.cause.with_plays(nothing, nothing, nothing))
-    columns = chain.columns.joined(ColumnKinds.plays_of(family.cause))
-    added = columns.thresholds_v.size - chain.weights.size
-    return [bare, replace(bare, columns=columns, weights=np.concatenate((chain.weights, np.zeros(added))))]
+    bare = model.with_cause(family.cause.with_plays(nothing, nothing, nothing))
+    columns = model.columns.joined(ColumnKinds.plays_of(family.cause))
+    added = columns.thresholds_v.size - model.weights.size
+    return [bare, replace(bare, columns=columns, weights=np.concatenate((model.weights, np.zeros(added))))]
 
 
-def scanned(start: TrialModel, split: DataSplit, space: Tangent, trial: Screened) -> TrialModel:
+def scanned(start: TrialModel, split: DataSplit, directions: Tangent, trial: Screened) -> TrialModel:
     """Return the start with the effect's main parameter scanned about its value."""
     spec = trial.cause.parameter(trial.cause.main_parameter)
-    return scan(start, split.train, space, FreeParameter(trial.name, trial.index, spec, 1.0))
+    return scan(start, split.train, directions, FreeParameter(trial.name, trial.index, spec, 1.0))
 
 
 def sized(trial: Screened) -> Cause:
@@ -132,13 +134,13 @@ def sized(trial: Screened) -> Cause:
     return replace(trial.cause, **changes) if changes else trial.cause
 
 
-def start_variants(chain: TrialModel, split: DataSplit, space: Tangent) -> list[tuple[TrialModel, Tangent]]:
-    """Return the chain, and the chain with the other assumption on how records of unsure start begin."""
+def start_variants(present: PresentModel, split: DataSplit) -> list[tuple[TrialModel, Tangent]]:
+    """Return the present model, and with the other assumption on how records of unsure start begin, with directions."""
     unsure = [i for i, r in enumerate(split.train) if not begins_at_zero(r.voltage_v)]
-    flipped = chain
+    same, flipped = (present.model, present.directions), present.model
     for i in unsure:
-        start = chain.start_of(i)
+        start = present.model.start_of(i)
         if start is not None and not start.is_plain_rest:
-            return [(chain, space)]
+            return [same]
         flipped = flipped.with_start(i, split.train[i].at_rest() if start is None else None)
-    return [(chain, space)] + ([(flipped, tangent(flipped, split.train))] if unsure else [])
+    return [same, (flipped, tangent(flipped, split.train))] if unsure else [same]

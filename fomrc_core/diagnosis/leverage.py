@@ -15,7 +15,7 @@ _RIDGE = 1e-9
 
 
 def determined(
-    chain: TrialModel, learned: tuple[FitRecord, ...], asked: tuple[NDArray[np.bool_], ...]
+    model: TrialModel, learned: tuple[FitRecord, ...], asked: tuple[NDArray[np.bool_], ...]
 ) -> tuple[NDArray[np.bool_], ...]:
     """Return those of the asked samples whose prediction the learned samples determine, per record.
 
@@ -23,22 +23,22 @@ def determined(
     says nothing about it, whatever the model.
 
     Args:
-        chain: the model; its linear part is what is learned.
+        model: the model; its linear part is what is learned.
         learned: records, their used samples those that are learned from.
         asked: per record, samples that may be predicted, shape (n_samples,).
     """
     whole = tuple(r.using(r.is_used | a) for r, a in zip(learned, asked, strict=True))
-    space = tangent(chain, whole)
-    n = space.whitening.shape[1]
+    directions = tangent(model, whole)
+    n = directions.whitening.shape[1]
     moment = np.zeros((n, n))
-    for columns, record in zip(space.columns, learned, strict=True):
-        moment += space.whitening.T @ product(columns, columns, record.is_used) @ space.whitening
+    for columns, record in zip(directions.columns, learned, strict=True):
+        moment += directions.whitening.T @ product(columns, columns, record.is_used) @ directions.whitening
     # what was not learned at all has a leverage without bound; the ridge keeps it finite
     values, vectors = np.linalg.eigh(moment + _RIDGE * np.eye(n))
-    whitening = space.whitening @ (vectors / np.sqrt(np.maximum(values, _RIDGE)))
+    whitening = directions.whitening @ (vectors / np.sqrt(np.maximum(values, _RIDGE)))
     largest = _LARGEST * n / sum(int(np.count_nonzero(r.is_used)) for r in learned)
     found = []
-    for columns, mask in zip(space.columns, asked, strict=True):
+    for columns, mask in zip(directions.columns, asked, strict=True):
         rows = columns[mask] @ whitening
         is_determined = mask.copy()
         is_determined[mask] = np.einsum("ij,ij->i", rows, rows) <= largest

@@ -14,21 +14,18 @@ from fomrc_core.diagnosis.search import Step
 from fomrc_core.fitting.element_fit import polish
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.linear_part import residuals, squared_error
-from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.piezo_model import PiezoModel
 
 _SIGNIFICANCE = 0.01
 
 
-def coarse_chain(model: PiezoModel, split: DataSplit) -> TrialModel:
+def coarse_model(given: PiezoModel, split: DataSplit) -> TrialModel:
     """Return the given model's structure fitted to the training records: its number of elements, freely placed."""
     starts = tuple(None for _ in split.train)
-    best = polish(model.play_form, model.creep_order, split.train, starts)
-    thresholds = np.concatenate(([0.0], best.form.thresholds))
-    weights = np.concatenate(([best.form.slope], best.form.weights))
-    own = tuple(() for _ in range(split.n_records))
-    return TrialModel(ColumnKinds.plays(thresholds), weights, best.order, (), own)
+    best = polish(given.play_form, given.creep_order, split.train, starts)
+    fitted = TrialModel.of_play_form(best.form, best.order)
+    return replace(fitted, record_effects=tuple(() for _ in range(split.n_records)), starts=())
 
 
 def missing_step(
@@ -47,15 +44,15 @@ def missing_step(
         n_causes: number of causes tried in all.
     """
     with_effects = replace(coarse, effects=final.effects, record_effects=final.record_effects, starts=final.starts)
-    lesser = refit(with_effects, split.train).chain
+    lesser = refit(with_effects, split.train).model
     score = held_out_score(held_residuals(lesser, split.held), held_residuals(final, split.held))
     if not (score.is_worthwhile() and score.p_value < _SIGNIFICANCE / n_causes):
         return None
-    left = residuals(base, split.train)
+    residuals_um = residuals(base, split.train)
     before = squared_error(split.train, residuals(coarse, split.train))
-    after = squared_error(split.train, left)
-    directions = tuple(np.zeros((r.time_s.size, 0)) for r in split.train)
-    fitted = Refit(base, after, (), directions, left, True)
+    after = squared_error(split.train, residuals_um)
+    no_parameters = tuple(np.zeros((r.time_s.size, 0)) for r in split.train)
+    fitted = Refit(base, after, (), no_parameters, residuals_um, True)
     quoted = held_out_score(held_residuals(coarse, split.held), held_residuals(base, split.held))
     gained = Candidate(
         name,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.candidate import Candidate
-from fomrc_core.diagnosis.data_split import DataSplit
+from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit
 from fomrc_core.diagnosis.search import Step
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import tangent
@@ -85,15 +85,19 @@ def candidate_drives(split: DataSplit) -> list[tuple[Excitation, str]]:
     return [(make(), command) for make, command in makers]
 
 
-def best_drive(chains: list[TrialModel], split: DataSplit) -> Proposal:
-    """Return the drive under which the chains differ most, what a refit of the base could absorb left out."""
+def best_drive(models: list[TrialModel], split: DataSplit) -> Proposal:
+    """Return the drive under which the models differ most, what a refit of the base could absorb left out."""
     best: Proposal | None = None
     for drive, command in candidate_drives(split):
-        record = FitRecord.of(Recording(drive.time_s, drive.voltage_v, np.zeros(drive.voltage_v.size), name=drive.name))
-        bare = [TrialModel(c.columns, c.weights, c.creep_order, c.effects, ((),)) for c in chains]
-        space = tangent(bare[0], (record,))
+        record = FitRecord.of(
+            Recording(drive.time_s, drive.voltage_v, np.zeros(drive.voltage_v.size), name=drive.name), substeps=SUBSTEPS
+        )
+        bare = [TrialModel(c.columns, c.weights, c.creep_order, c.effects, ((),)) for c in models]
+        directions = tangent(bare[0], (record,))
         first = predict(bare[0], record, 0)
-        least = min(rms(space.remove((record,), (centre(predict(other, record, 0) - first),))[0]) for other in bare[1:])
+        least = min(
+            rms(directions.remove((record,), (centre(predict(other, record, 0) - first),))[0]) for other in bare[1:]
+        )
         if best is None or least > best.difference_um:
             best = Proposal(drive, command, least)
     assert best is not None
@@ -109,15 +113,15 @@ def propose(
     status: str,
     accepted: tuple[Step, ...],
     runner_up: Candidate | None,
-    model: PiezoModel,
+    extended: PiezoModel,
     split: DataSplit,
     floor_um: float,
 ) -> str:
     """Return what to measure next, and why, in a sentence or two."""
     tied = next((step for step in reversed(accepted) if step.tied), None)
     if tied is not None:
-        chains = [tied.accepted.fitted.chain, *tied.tied_chains]
-        best = best_drive(chains, split)
+        models = [tied.accepted.fitted.model, *tied.tied_models]
+        best = best_drive(models, split)
         names = ", ".join((tied.accepted.cause, *tied.tied))
         return (
             f"to tell {names} apart run `fomrc {best.command}`: there they differ by "
@@ -129,7 +133,7 @@ def propose(
             "drive faster and further to lower it"
         )
     if status == "explained":
-        present = model.causes
+        present = extended.causes
         experiment = present[-1].experiment if present else "the same drive again on another day"
         return f"to confirm: {experiment}"
     if runner_up is not None:

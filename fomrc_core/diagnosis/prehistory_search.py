@@ -24,26 +24,26 @@ def way_v(cause: Cause) -> float:
 
 
 def with_searched_past(
-    chain: TrialModel, index: int, trials: list[Prehistory], error_of: Callable[[TrialModel], float]
+    model: TrialModel, index: int, trials: list[Prehistory], error_of: Callable[[TrialModel], float]
 ) -> TrialModel:
-    """Return the chain with the past of one record that leaves the least error.
+    """Return the model with the past of one record that leaves the least error.
 
     Searched from the best trial on either side of where the record begins.
 
     Args:
-        chain: the chain.
+        model: the model.
         index: which record.
         trials: where to search from.
-        error_of: sum of squares a chain leaves [um^2].
+        error_of: sum of squares a model leaves [um^2].
     """
 
     def error_with(past: Prehistory) -> float:
-        return error_of(chain.with_start(index, past))
+        return error_of(model.with_start(index, past))
 
     sides = [[past for past in trials if (past.extreme_v > past.resting_v) is is_above] for is_above in (True, False)]
     begun = [min(side, key=error_with) for side in sides if side]
     searched = [_searched(past, error_with) for past in begun]
-    return chain.with_start(index, min(searched, key=error_with))
+    return model.with_start(index, min(searched, key=error_with))
 
 
 def _searched(best: Prehistory, error_with: Callable[[Prehistory], float]) -> Prehistory:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import replace
 
-import numpy as np
-
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
+from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
-from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error, tangent
+from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.drive import learned_blocks
@@ -23,20 +22,20 @@ _MAX_TRIALS = 12
 _MAX_STARTS = 3
 
 
-def follow_held(chain: TrialModel, split: DataSplit) -> TrialModel:
-    """Return the chain with the effects of single records fitted to the held-out records too, on half their blocks.
+def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
+    """Return the model with the effects of single records fitted to the held-out records too, on half their blocks.
 
     The actuator's own parameters stay; phase of a hum or time of a load must be that of the record.
     """
-    kinds = {cause.name for index in range(len(split.train)) for _, cause in chain.found(index)}
+    kinds = {cause.name for index in range(len(split.train)) for _, cause in model.found(index)}
     if not kinds:
-        return chain
+        return model
     for part in {h.index: h for h in (*split.held, *split.report)}.values():
         if part.index < len(split.train):
             continue
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
-        chain = fit_one_record(chain, one, part.index, kinds)
-    return chain
+        model = fit_one_record(model, one, part.index, kinds)
+    return model
 
 
 def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor | None) -> Refit:
@@ -46,31 +45,30 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
     """
     if len(split.train) < 2:
         return final
-    chain = final.chain
+    model = final.model
     for index, record in enumerate(split.train):
-        if chain.has(cause, index):
-            anew = fit_one_record(chain.without(cause, index), record, index, {cause})
-            if _error(anew.alone(index), record) < _error(chain.alone(index), record):
-                chain = anew
-    if chain is final.chain:
+        if model.has(cause, index):
+            anew = fit_one_record(model.without(cause, index), record, index, {cause})
+            if _error(anew.alone(index), record) < _error(model.alone(index), record):
+                model = anew
+    if model is final.model:
         return final
-    again = fit_until_still(chain, split.train, executor)
+    again = fit_until_still(model, split.train, executor)
     return again if again.squared_error < final.squared_error else final
 
 
-def fit_one_record(chain: TrialModel, record: FitRecord, index: int, kinds: set[str]) -> TrialModel:
-    """Return the chain with the record-bound effects of these kinds fitted to one record, all else held."""
-    alone = chain.alone(index)
-    still = tangent(alone, (record,))
-    frozen = Tangent(tuple(np.zeros((c.shape[0], 1)) for c in still.columns), np.zeros((1, 1)))
+def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[str]) -> TrialModel:
+    """Return the model with the record-bound effects of these kinds fitted to one record, all else held."""
+    alone = model.alone(index)
+    held = Tangent.none(alone, (record,))
     for name in sorted(kinds):
-        left = residuals(alone, (record,))
-        trials = [s for s in screen(alone, (record,), frozen, left, 0.0, (name,)) if s.explained > 0.0]
+        present = PresentModel(alone, (record,), held, noise_um=0.0)
+        trials = [trial for trial in screen(present, (name,)) if trial.explained > 0.0]
         if not trials:
             continue
         pasts = [t.cause for t in trials if isinstance(t.cause, Prehistory)]
         if pasts:
-            pasts += _others(chain, index, pasts[0].resting_v)
+            pasts += _others(model, index, pasts[0].resting_v)
             start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
             alone = min((alone, _refit_own(start, record)), key=lambda option: _error(option, record))
             continue
@@ -79,21 +77,20 @@ def fit_one_record(chain: TrialModel, record: FitRecord, index: int, kinds: set[
         options.sort(key=lambda option: _error(option, record))
         fits = [_refit_own(option, record) for option in options[:_MAX_STARTS]]
         alone = min((alone, *fits), key=lambda option: _error(option, record))
-    return chain.with_record_of(alone, index)
+    return model.with_record_of(alone, index)
 
 
-def _others(chain: TrialModel, index: int, resting_v: float) -> list[Prehistory]:
+def _others(model: TrialModel, index: int, resting_v: float) -> list[Prehistory]:
     """Return the pasts of the other records: who measures does the same before each."""
-    others = [start for i, start in enumerate(chain.starts) if i != index and start is not None]
+    others = [start for i, start in enumerate(model.starts) if i != index and start is not None]
     return [replace(start, resting_v=resting_v) for start in others if not start.is_plain_rest]
 
 
-def _error(chain: TrialModel, record: FitRecord) -> float:
-    return squared_error((record,), residuals(chain, (record,)))
+def _error(model: TrialModel, record: FitRecord) -> float:
+    return squared_error((record,), residuals(model, (record,)))
 
 
-def _refit_own(chain: TrialModel, record: FitRecord) -> TrialModel:
-    free = tuple(p for p in free_parameters(chain) if p.index == 0)
-    n = record.time_s.size
-    nothing = Tangent((np.zeros((n, chain.weights.size + 1)),), np.zeros((chain.weights.size + 1, 1)))
-    return refit(chain, (record,), nothing, n_iterations=8, free=free, is_linear_free=False).chain
+def _refit_own(model: TrialModel, record: FitRecord) -> TrialModel:
+    free = tuple(p for p in free_parameters(model) if p.index == 0)
+    held = Tangent.none(model, (record,))
+    return refit(model, (record,), held, n_iterations=8, free=free, is_linear_free=False).model

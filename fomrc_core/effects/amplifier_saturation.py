@@ -50,6 +50,10 @@ class AmplifierSaturation(Effect):
         """Return the clamped drive [V], shape (n_samples,)."""
         return np.clip(values, self.low_v, self.high_v)
 
+    def is_null(self) -> bool:
+        """Return whether neither side acts."""
+        return not self.free_names()
+
     def free_names(self) -> tuple[str, ...]:
         """Return the sides that act."""
         return tuple(name for name in ("low_v", "high_v") if abs(getattr(self, name)) < _NO_LIMIT_V)

@@ -57,6 +57,7 @@ class MechanicalResonance(Effect):
     )
     experiment: ClassVar[str] = "a multisine through the resonance, or steps sampled fast"
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the target; use smooth targets"
+    paper_section: ClassVar[str] = "4.4"
     needs_substeps: ClassVar[bool] = True
     rings: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -0.5

@@ -53,7 +53,7 @@ class ThermalDrift(Effect):
     def _drift(self, state: Array, steps_s: Array, covariate: Array | None) -> Array:
         t = np.empty(steps_s.size)
         elapsed_times(state, steps_s, t)
-        drift = t * (self.um_per_s + t * (self.um_per_s2 + t * self.um_per_s3))
+        drift: Array = t * (self.um_per_s + t * (self.um_per_s2 + t * self.um_per_s3))
         if self.warm_up_um != 0.0:
             drift = drift - self.warm_up_um * np.expm1(-t / self.warm_up_s)
         if covariate is not None and self.um_per_c != 0.0:

@@ -54,9 +54,13 @@ class TransportDelay(Effect):
             )
         return out
 
+    def is_null(self) -> bool:
+        """Return whether nothing is delayed."""
+        return self.delay_s == 0.0
+
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something rings before it, whose swings it reads between the parts."""
-        return _N_PARTS_RINGING if any(effect.rings for effect in effects) else 1
+        return _N_PARTS_RINGING if self.delay_s > 0.0 and any(effect.rings for effect in effects) else 1
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Effect]:

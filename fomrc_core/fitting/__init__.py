@@ -6,6 +6,7 @@ Identification and diagnosis both fit with what is here; neither has a fit of it
 __all__ = [
     "base_fit",
     "element_fit",
+    "evidence",
     "fit_record",
     "free_parameters",
     "joint_fit",

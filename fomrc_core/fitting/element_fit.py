@@ -6,20 +6,18 @@ offset of each record is taken out. Elements and play form are the same model (h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import normal_equations
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred
-from fomrc_core.fitting.play_columns import THRESHOLD_SLOPE, ColumnKinds, creep_columns
-from fomrc_core.fitting.trial_model import fit_modes
-from fomrc_core.model.kernels import forward
+from fomrc_core.fitting.linear_part import centred, record_columns
+from fomrc_core.fitting.play_columns import THRESHOLD_SLOPE, ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.prehistory import Prehistory
-from fomrc_core.operators.creep import creep_block
-from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
+from fomrc_core.operators.hysteresis import OperatorSum
 
 Array = NDArray[np.float64]
 
@@ -52,23 +50,9 @@ class Polished:
 Starts = tuple[Prehistory | None, ...]
 
 
-def with_start(record: FitRecord, start: Prehistory | None) -> tuple[Array, Array, int]:
-    """Return drive [V] and steps [s] with what went before the record, and how many samples that is."""
-    steps, drive, n_before = record.steps_s, record.voltage_v, 0
-    if start is not None:
-        before_steps, before = start.drive()
-        n_before = before.size
-        steps, drive = np.concatenate((before_steps, steps)), np.concatenate((before, drive))
-    return drive, steps, n_before
-
-
 def play_form_response(form: OperatorSum, order: float, record: FitRecord, start: Prehistory | None) -> Array:
     """Return the displacement [um] of a play form with creep, offset not included, shape (n_samples,)."""
-    drive, steps, n_before = with_start(record, start)
-    hysteresis = hysteresis_block(form)
-    out = np.empty(drive.size)
-    forward(np.concatenate((hysteresis, creep_block(fit_modes(order)))), hysteresis.size, drive, steps, out)
-    return out[n_before:]
+    return predict(TrialModel.of_play_form(form, order, start=start), record, 0)
 
 
 def polish(
@@ -134,13 +118,13 @@ def _residual(x: Array, n: int, records: tuple[FitRecord, ...], starts: Starts) 
 
 def _jacobian(x: Array, n: int, record: FitRecord, start: Prehistory | None) -> Array:
     slope, weights, thresholds, order = np.exp(x[0]), np.exp(x[1 : 1 + n]), np.exp(x[1 + n : 1 + 2 * n]), float(x[-1])
-    plays = ColumnKinds.plays(np.concatenate(([0.0], thresholds)))
+    form = OperatorSum(float(slope), thresholds, weights)
+    trial = TrialModel.of_play_form(form, order, start=start)
     slopes = ColumnKinds(thresholds, np.full(n, -np.inf), np.full(n, THRESHOLD_SLOPE))
-    drive, steps, n_before = with_start(record, start)
-    columns = creep_columns(plays.joined(slopes), fit_modes(order), drive, steps, n_before)
+    both = replace(trial, columns=trial.columns.joined(slopes), weights=np.append(trial.weights, np.zeros(n)))
+    columns = record_columns(both, record, 0)
     columns *= np.concatenate(([slope], weights, weights * thresholds))
     step = _ORDER_STEP if order + _ORDER_STEP <= _MAX_ORDER else -_ORDER_STEP
-    form = OperatorSum(float(slope), thresholds, weights)
     now = play_form_response(form, order, record, start)
     ahead = play_form_response(form, order + step, record, start)
     return np.column_stack((columns, (ahead - now) / step))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.effects import Covariates
 from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ class FitRecord:
         measured_um: displacement [um].
         is_used: samples a fit may learn from.
         covariates: what was recorded beside drive and displacement.
+        substeps: how finely the steps of the drive are divided, whatever the model.
     """
 
     recording: Recording
@@ -35,10 +37,16 @@ class FitRecord:
     measured_um: Array
     is_used: NDArray[np.bool_]
     covariates: Covariates
+    substeps: Substeps = Substeps.NONE
 
     @classmethod
-    def of(cls, recording: Recording, is_used: NDArray[np.bool_] | None = None) -> FitRecord:
-        """Return the prepared recording; every sample used unless told."""
+    def of(
+        cls,
+        recording: Recording,
+        is_used: NDArray[np.bool_] | None = None,
+        substeps: Substeps = Substeps.NONE,
+    ) -> FitRecord:
+        """Return the prepared recording; every sample used, and no step divided, unless told."""
         return cls(
             recording,
             recording.time_s - recording.time_s[0],
@@ -47,6 +55,7 @@ class FitRecord:
             recording.measured_um,
             np.ones(recording.n_samples, dtype=np.bool_) if is_used is None else is_used,
             Covariates.of_recording(recording),
+            substeps,
         )
 
     def using(self, is_used: NDArray[np.bool_]) -> FitRecord:

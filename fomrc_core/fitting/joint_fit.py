@@ -43,7 +43,7 @@ class Refit:
     """Result of a joint refit.
 
     Attributes:
-        chain: the fitted chain.
+        model: the fitted model.
         squared_error: sum of squares over the used samples [um^2].
         free: the parameters moved.
         directions: displacement per coordinate of each, linear part removed, per record (n_samples, n_free).
@@ -51,7 +51,7 @@ class Refit:
         is_converged: whether it came to rest within the iterations.
     """
 
-    chain: TrialModel
+    model: TrialModel
     squared_error: float
     free: tuple[FreeParameter, ...]
     directions: tuple[Array, ...]
@@ -70,7 +70,7 @@ class Refit:
         covariance = np.linalg.pinv(information) * self.squared_error / n * inflation
         errors = {}
         for k, free in enumerate(self.free):
-            per_coordinate = free.get(self.chain) if free.spec.is_log else free.scale
+            per_coordinate = free.get(self.model) if free.spec.is_log else free.scale
             errors[(free.cause, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(
                 max(float(covariance[k, k]), 0.0)
             )
@@ -187,7 +187,7 @@ def refit(
 def fit_until_still(chain: TrialModel, records: tuple[FitRecord, ...], executor: Executor | None = None) -> Refit:
     """Return the joint refit with plays and directions chosen anew, until it moves no more."""
     fitted = refit(rebased(chain, records), records, executor=executor)
-    chain = _scanned_again(fitted.chain, records)
+    chain = _scanned_again(fitted.model, records)
     return refit(rebased(chain, records), records, n_iterations=8, executor=executor)
 
 

@@ -38,6 +38,12 @@ class Tangent:
     columns: tuple[Array, ...]
     whitening: Array
 
+    @classmethod
+    def none(cls, trial: TrialModel, records: tuple[FitRecord, ...]) -> Tangent:
+        """Return no directions at all: the linear part is held."""
+        n_columns = trial.weights.size + 1
+        return cls(tuple(np.zeros((r.time_s.size, n_columns)) for r in records), np.zeros((n_columns, 1)))
+
     def solve(self, records: tuple[FitRecord, ...], signals: tuple[Array, ...]) -> Array:
         """Return the change of weights and creep order that fits the signals best, shape (n_columns + 1,)."""
         moment = sum(product(c, s, r.is_used) for c, r, s in zip(self.columns, records, signals, strict=True))
@@ -78,7 +84,8 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
         about: the model whose displacement effects on the sensor are linearized about; ``trial`` unless given.
     """
     effects = trial.effects_in(index)
-    substeps = Substeps.FEW if any(effect.needs_substeps for effect in effects) else Substeps.NONE
+    is_divided = record.substeps is not Substeps.NONE and any(effect.needs_substeps for effect in effects)
+    substeps = Substeps.FEW if is_divided else Substeps.NONE
     before, drive = _element_drives(trial, record, index, substeps)
     steps_s = np.concatenate((before.steps_s, drive.steps_s))
     voltage_v = np.concatenate((before.voltage_v, drive.voltage_v))

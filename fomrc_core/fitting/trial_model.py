@@ -17,7 +17,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import relaxed_state, run_chain, settle_chain
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import Substeps, asked_by
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import CreepModes, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum
 
@@ -46,6 +46,15 @@ class TrialModel:
     record_effects: tuple[tuple[Effect, ...], ...] = ()
     grid_v: Array | None = None
     starts: tuple[Prehistory | None, ...] = ()
+
+    @classmethod
+    def of_play_form(
+        cls, form: OperatorSum, order: float, effects: tuple[Effect, ...] = (), start: Prehistory | None = None
+    ) -> TrialModel:
+        """Return the model of one record with these elements [V, um/V], creep order [1], effects and start."""
+        plays = ColumnKinds.plays(np.concatenate(([0.0], form.thresholds)))
+        weights = np.concatenate(([form.slope], form.weights))
+        return cls(plays, weights, order, effects, ((),), starts=(start,))
 
     # --- what it holds
 
@@ -176,20 +185,20 @@ def predict(trial: TrialModel, record: FitRecord, index: int, is_coarse: bool = 
         trial: the model.
         record: the record.
         index: which record it is, for what belongs to it.
-        is_coarse: divide the largest steps only.
+        is_coarse: divide jumps only, where the record's steps are divided at all.
     """
+    is_coarser = is_coarse and record.substeps is Substeps.BENDS
     effects = trial.effects_in(index)
-    substeps = Substeps.JUMPS if is_coarse else asked_by(effects)
     state, at_creep = relaxed_trial(trial, effects)
     start = trial.start_of(index)
     if start is not None:
-        settle_chain(state, at_creep, effects, start.drive(), asked_by(effects))
+        settle_chain(state, at_creep, effects, start.drive(), record.substeps)
     return run_chain(
         state,
         at_creep,
         effects,
         record.steps_s,
         record.voltage_v,
-        substeps=substeps,
+        substeps=Substeps.JUMPS if is_coarser else record.substeps,
         covariates=record.covariates,
     )

@@ -1,8 +1,8 @@
 """The model of the chain: drive effects, hysteresis, creep, mechanical effects, sensor effects.
 
 Without effects it is the FOMRC of equations (20)-(26): voltage through the play form of the Maxwell elements,
-then the fractional integrator, sample by sample, so that the direct inverse undoes it to rounding. With effects the
-drive is taken as linear between samples and the chain runs on parts of the larger steps (substeps.py).
+then the fractional integrator, sample by sample, so that the direct inverse undoes it to rounding. Where a model says
+so (``substeps``) the drive is taken as linear between samples, and larger steps are divided.
 """
 
 from __future__ import annotations
@@ -20,15 +20,17 @@ from fomrc_core.effects.base.cause import Cause
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.causes import cause_class, named_order
 from fomrc_core.model.inputs import check_step, checked_inputs
-from fomrc_core.model.kernels import forward, forward_step
+from fomrc_core.model.kernels import forward_step
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import of_stage, relaxed_state, run_chain, settle_chain
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import asked_by
+from fomrc_core.model.substeps import BY_EFFECTS, Substeps, substeps_of
 from fomrc_core.operators.creep import CreepModes, check_order, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum, check_elements, hysteresis_block, play_form, stop_form
 
 Array = NDArray[np.float64]
+
+_NEEDED = ("kappa_um_per_v", "saturation_v", "creep_order")  # of a model block
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ class PiezoModel:
         creep_order: alpha [1], 0 (none) to 1 (integrator).
         effects: further effects, at most one of a kind; they act in the order of the chain.
         start: what went before a record, where it does not begin relaxed.
+        substeps: how finely steps are divided. NONE, from sample to sample, is what a compensator undoes to rounding;
+            BENDS follows what hysteresis and creep do within a step, as a mass that rings or an amplifier sees it.
 
     Raises:
         ParameterError: naming the field, its value and what is allowed.
@@ -51,6 +55,7 @@ class PiezoModel:
     creep_order: float
     effects: tuple[Effect, ...] = ()
     start: Prehistory | None = None
+    substeps: Substeps = Substeps.NONE
 
     def __post_init__(self) -> None:
         kappa, saturation = check_elements(self.kappa_um_per_v, self.saturation_v)
@@ -94,6 +99,11 @@ class PiezoModel:
         return creep_modes(self.creep_order)
 
     @cached_property
+    def _is_plain(self) -> bool:
+        """Whether a step is one of hysteresis and creep and nothing else."""
+        return not self.effects and self.substeps is Substeps.NONE
+
+    @cached_property
     def at_creep(self) -> int:
         """Where the creep block begins in the packed state."""
         return int(hysteresis_block(self.play_form).size)
@@ -126,7 +136,7 @@ class PiezoModel:
 
     def settle(self, state: ModelState, steps_s: Array, voltage_v: Array) -> None:
         """Move the state through what went before the record; clocks of time-dependent effects do not run."""
-        settle_chain(state, self.at_creep, self.effects, (steps_s, voltage_v), asked_by(self.effects))
+        settle_chain(state, self.at_creep, self.effects, (steps_s, voltage_v), self.substeps)
 
     def advance(
         self,
@@ -146,7 +156,7 @@ class PiezoModel:
             temperature_c: temperature [degC], for effects that use it.
             cross: second axis, for effects that use it.
         """
-        if not self.effects:
+        if self._is_plain:
             if IS_COMPILED:
                 moved = forward_step(state.packed, self.at_creep, voltage_v, step_s)
             else:
@@ -185,18 +195,13 @@ class PiezoModel:
         """
         steps, drive = checked_inputs(steps_s, voltage_v, "voltage_v")
         state = self.initial_state() if state is None else state
-        if not self.effects:
-            state.last_input = float(drive[-1])
-            moved = np.empty(drive.size)
-            forward(state.packed, self.at_creep, drive, steps, moved)
-            return moved
         return run_chain(
             state,
             self.at_creep,
             self.effects,
             steps,
             drive,
-            substeps=asked_by(self.effects),
+            substeps=self.substeps,
             covariates=Covariates(temperature_c, cross),
         )
 
@@ -210,47 +215,46 @@ class PiezoModel:
         if self.causes:
             mapping["effects"] = [cause.name for cause in self.causes]
             mapping.update({cause.name: cause.to_mapping() for cause in self.causes})
+        if self.causes or self.substeps is not Substeps.NONE:
+            mapping["substeps"] = self.substeps.value
         return mapping
 
     @classmethod
     def from_mapping(cls, mapping: Any, where: str = "model") -> PiezoModel:
         """Return the model of a ``model`` block; raises ParameterError naming key, value and what is allowed."""
-        known = ("kappa_um_per_v", "saturation_v", "creep_order")
         if not isinstance(mapping, dict):
-            raise ParameterError("not a mapping", where=where, value=mapping, allowed=", ".join(known))
-        for key in known:
+            raise ParameterError("not a mapping", where=where, value=mapping, allowed=", ".join(_NEEDED))
+        for key in _NEEDED:
             if key not in mapping:
-                raise ParameterError(f"{key} is missing", where=where, allowed=", ".join(known))
-        names = mapping.get("effects") or []
-        if not isinstance(names, (list, tuple)):
-            raise ParameterError("not a list", where=f"{where}.effects", value=names, allowed="a list of effect names")
-        causes = []
-        for name in names:
-            kind = cause_class(name, f"{where}.effects")
-            if names.count(name) > 1:
-                raise ParameterError("effect named twice", where=f"{where}.effects", value=name, allowed="each once")
-            if name not in mapping:
-                raise ParameterError(f"parameters of {name} are missing", where=where, allowed=f"a block {name}")
-            causes.append(kind.from_mapping(mapping[name], f"{where}.{name}"))
+                raise ParameterError(f"{key} is missing", where=where, allowed=", ".join(_NEEDED))
+        causes = _causes_of(mapping, where)
+        allowed = (*_NEEDED, "effects", "substeps", *(cause.name for cause in causes))
         for key in mapping:
-            if key not in known and key != "effects" and key not in names:
-                raise ParameterError(
-                    "unknown key", where=where, value=key, allowed=", ".join((*known, "effects", *names))
-                )
-        for key in known[:2]:
-            entries = _iterable(mapping[key])
+            if key not in allowed:
+                raise ParameterError("unknown key", where=where, value=key, allowed=", ".join(allowed))
+        for key in ("kappa_um_per_v", "saturation_v"):
+            entries = mapping[key] if isinstance(mapping[key], (list, tuple)) else ()
             if isinstance(mapping[key], (str, bool)) or any(isinstance(v, (bool, str)) for v in entries):
                 raise ParameterError(
                     "not a list of numbers", where=f"{where}.{key}", value=mapping[key], allowed="finite, > 0"
                 )
-        return cls(
-            mapping["kappa_um_per_v"],
-            mapping["saturation_v"],
-            mapping["creep_order"],
-            tuple(cause for cause in causes if isinstance(cause, Effect)),
-            next((cause for cause in causes if isinstance(cause, Prehistory)), None),
-        )
+        effects = tuple(cause for cause in causes if isinstance(cause, Effect))
+        start = next((cause for cause in causes if isinstance(cause, Prehistory)), None)
+        substeps = substeps_of(mapping.get("substeps", BY_EFFECTS), effects, start is not None, f"{where}.substeps")
+        return cls(mapping["kappa_um_per_v"], mapping["saturation_v"], mapping["creep_order"], effects, start, substeps)
 
 
-def _iterable(value: Any) -> Any:
-    return value if isinstance(value, (list, tuple)) else ()
+def _causes_of(mapping: dict[str, Any], where: str) -> list[Cause]:
+    """Return the causes a ``model`` block names, from their own blocks."""
+    names = mapping.get("effects") or []
+    if not isinstance(names, (list, tuple)):
+        raise ParameterError("not a list", where=f"{where}.effects", value=names, allowed="a list of effect names")
+    causes = []
+    for name in names:
+        kind = cause_class(name, f"{where}.effects")
+        if names.count(name) > 1:
+            raise ParameterError("effect named twice", where=f"{where}.effects", value=name, allowed="each once")
+        if name not in mapping:
+            raise ParameterError(f"parameters of {name} are missing", where=where, allowed=f"a block {name}")
+        causes.append(kind.from_mapping(mapping[name], f"{where}.{name}"))
+    return causes

@@ -100,6 +100,9 @@ def drive_at_elements(
 def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
     """Return the displacement of the mechanics [um] at the end of each part, shape (n_parts,); the state moves on."""
     moved_um = np.empty(drive.voltage_v.size)
+    if not effects:
+        forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
+        return moved_um
     beside = of_stage(effects, Stage.HYSTERESIS)
     if beside:
         added_um = np.zeros(drive.voltage_v.size)
@@ -135,6 +138,9 @@ def run_chain(
         covariates: what is known beside the drive.
     """
     # Many arguments: a model and a model under fit both run through here; it takes the parts they share.
+    if not effects and substeps is Substeps.NONE:
+        state.last_input = float(drive_v[-1])
+        return displacement_of_parts(state, at_creep, effects, ElementDrive(steps_s, drive_v, None))
     drive = drive_at_elements(state, effects, steps_s, drive_v, substeps)
     moved_um = drive.at_samples(displacement_of_parts(state, at_creep, effects, drive))
     for effect in of_stage(effects, Stage.SENSED):

@@ -9,8 +9,12 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects import Effect
+from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
+
+# What a model file without the key ``substeps`` means: it was written before there was one.
+BY_EFFECTS = "by_effects"
 
 N_SUBSTEPS = 5
 N_PARTS_LARGE = 8
@@ -24,12 +28,39 @@ _BEND_FADES = 0.5
 
 
 class Substeps(Enum):
-    """How finely steps are divided; the drive is linear within a step."""
+    """How finely a model divides steps, within which the drive is linear.
+
+    A property of the model, or of the record it is fitted to: no effect, however small or large, changes it.
+    """
 
     NONE = "none"  # from sample to sample: what the compensator undoes to rounding
     FEW = "few"  # jumps, in few parts: for directions of a fit
     JUMPS = "jumps"  # jumps alone
     BENDS = "bends"  # every step in which the elements bend, and those after a jump in which creep does
+
+
+MODEL_SUBSTEPS = (Substeps.NONE, Substeps.JUMPS, Substeps.BENDS)  # what a model may have
+
+
+def substeps_of(word: object, effects: tuple[Effect, ...], has_start: bool, where: str) -> Substeps:
+    """Return how finely the model of a file divides steps; raises ParameterError for an unknown word.
+
+    Args:
+        word: what the file says; ``by_effects`` where it says nothing: then as before files could say it, finely where
+            an effect depends on it, at jumps where any effect or a past acts, else not at all.
+        effects: effects the file names.
+        has_start: whether it says what went before the record.
+        where: the key, for the message.
+    """
+    words = {kind.value: kind for kind in MODEL_SUBSTEPS}
+    if word == BY_EFFECTS:
+        acting = [effect for effect in effects if not effect.is_null()]
+        if any(effect.needs_substeps for effect in acting):
+            return Substeps.BENDS
+        return Substeps.JUMPS if acting or has_start else Substeps.NONE
+    if not isinstance(word, str) or word not in words:
+        raise ParameterError("unknown substeps", where=where, value=word, allowed=", ".join((BY_EFFECTS, *words)))
+    return words[word]
 
 
 @compiled
@@ -68,13 +99,6 @@ def parts_of_steps(
     parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
     least = max((effect.least_parts(effects) for effect in effects), default=1)
     return np.maximum(parts, least), bend_v
-
-
-def asked_by(effects: tuple[Effect, ...]) -> Substeps:
-    """Return how finely effects ask for steps to be divided."""
-    if any(effect.needs_substeps for effect in effects):
-        return Substeps.BENDS
-    return Substeps.JUMPS
 
 
 def subdivide(

@@ -8,10 +8,11 @@ from typing import Any
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.substeps import BY_EFFECTS, MODEL_SUBSTEPS
 from fomrc_ros.node.parameters import Kind, ParameterSpec
 
 PREFIX = "model."
-_PLAIN = ("kappa_um_per_v", "saturation_v", "creep_order")
+_PLAIN = ("kappa_um_per_v", "saturation_v", "creep_order", "substeps")
 
 MODEL_SPECS = (
     ParameterSpec(
@@ -30,6 +31,12 @@ MODEL_SPECS = (
     ),
     ParameterSpec("model.creep_order", 0.0, "creep order alpha", minimum=0.0, maximum=1.0, unit="1"),
     ParameterSpec("model.effects", [], "names of the effects beside hysteresis and creep", kind=Kind.STRING_ARRAY),
+    ParameterSpec(
+        "model.substeps",
+        BY_EFFECTS,
+        "how finely steps are divided; by_effects: as the effects need it",
+        choices=(BY_EFFECTS, *(kind.value for kind in MODEL_SUBSTEPS)),
+    ),
     ParameterSpec(
         "model.fit_rms_um",
         0.0,
@@ -103,7 +110,7 @@ def model_from_values(values: Mapping[str, Any]) -> PiezoModel | None:
 
 def values_from_model(model: PiezoModel) -> dict[str, Any]:
     """Return the parameter values that describe a model, the inverse of ``model_from_values``."""
-    values: dict[str, Any] = {"model.effects": []}
+    values: dict[str, Any] = {"model.effects": [], "model.substeps": BY_EFFECTS}
     for name, value in model.to_mapping().items():
         if isinstance(value, Mapping):
             values.update({f"{PREFIX}{name}.{key}": entry for key, entry in value.items()})

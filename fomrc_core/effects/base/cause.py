@@ -37,6 +37,7 @@ class Cause(ABC):
     signature: ClassVar[str]
     experiment: ClassVar[str]
     inverse_note: ClassVar[str]
+    paper_section: ClassVar[str] = ""  # where the paper names it as left out of its model
     # how a fit may move it
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them

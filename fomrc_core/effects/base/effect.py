@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.covariates import Covariate
+from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.parameter import Parameter
 from fomrc_core.errors import ParameterError
 
@@ -95,6 +96,10 @@ class Effect(Cause):
         """Return whether it acts on what went before a record, too; what a record's clock starts does not."""
         return cls.stage in (Stage.DRIVE, Stage.HYSTERESIS, Stage.MECHANICAL)
 
+    def is_null(self) -> bool:
+        """Return whether it changes nothing, not even a bit: all the response is linear in stands at zero."""
+        return bool(self.linear_parameters) and not any(np.any(getattr(self, name)) for name in self.linear_parameters)
+
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return into how many parts each step is at least divided for it.
 
@@ -104,6 +109,11 @@ class Effect(Cause):
         return 1
 
     # --- in a fit
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> Sequence[Effect]:
+        """Return trial instances whose signatures a diagnosis compares with what the model left over."""
+        return []
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
         """Return the first-order change of the output for small changes of the input, (n_samples, n_changes).

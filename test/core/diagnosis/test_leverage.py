@@ -39,7 +39,7 @@ def test_the_only_visit_of_a_part_of_the_curve_is_not_determined_by_the_rest():
     assert not np.any(found & is_top)
     # and what is not determined is indeed not foreseen, though the model is the true one
     fitted = refit(PLAIN, (learned,), n_iterations=4)
-    left = record.measured_um - predict(fitted.chain, record, 0)
+    left = record.measured_um - predict(fitted.model, record, 0)
     assert np.std(left[is_top]) > 3e-3
     assert squared_error((learned,), (left,)) < 1.1e-6 * np.count_nonzero(~near)
 

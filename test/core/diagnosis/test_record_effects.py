@@ -10,6 +10,7 @@ import pytest
 from fomrc_core.diagnosis.candidate import candidates_for
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
+from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import fit_one_record, sought_again
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
@@ -18,7 +19,7 @@ from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import fit_until_still, refit
-from fomrc_core.fitting.linear_part import residuals, squared_error, tangent
+from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.prehistory import Prehistory
@@ -52,7 +53,7 @@ def test_a_past_is_found_from_trials_that_know_neither_its_size_nor_its_times(ex
     trials = [e for e in Prehistory.screening(_evidence(record, record.measured_um)) if isinstance(e, Prehistory)]
     start = with_searched_past(PLAIN, 0, trials, lambda c: squared_error(prepared, residuals(c, prepared)))
     fitted = refit(start, prepared)
-    found = fitted.chain.start_of(0)
+    found = fitted.model.start_of(0)
     assert found is not None
     assert found.extreme_v == pytest.approx(extreme_v, rel=0.02)
     assert np.sqrt(fitted.squared_error / record.time_s.size) < 1.02 * NOISE_UM
@@ -67,7 +68,7 @@ def test_the_frequency_of_a_hum_is_fitted_over_many_of_its_periods():
     # a quarter of a turn at the end of the record
     start = PLAIN.with_cause(replace(hum, frequency_hz=hum.frequency_hz + 0.25 / duration_s, amplitude_um=0.007), 0)
     fitted = refit(start, (FitRecord.of(record),))
-    found = fitted.chain.record_effects[0][0]
+    found = fitted.model.record_effects[0][0]
     assert isinstance(found, MainsHum)
     assert found.frequency_hz == pytest.approx(hum.frequency_hz, abs=1e-4)
     assert abs(found.amplitude_um) == pytest.approx(hum.amplitude_um, rel=0.01)
@@ -95,7 +96,7 @@ def test_a_load_found_wrong_in_one_record_is_sought_again():
     both = replace(PLAIN, record_effects=((loads[0],), (wrong,)))
     stuck = fit_until_still(both, split.train)
     better = sought_again(stuck, split, "external_load", None)
-    found = better.chain.record_effects[1][0]
+    found = better.model.record_effects[1][0]
     assert isinstance(found, ExternalLoad)
     assert better.squared_error < stuck.squared_error
     assert found.release_s > duration_s
@@ -111,11 +112,10 @@ def test_a_drift_is_fitted_in_the_form_it_has(drift):
     record = _measured(PLAIN.with_cause(drift, 0), np.tile(drive, 2), 400.0, 7)
     split = split_data((record,), record, None, NOISE_UM)
     plain = replace(PLAIN, record_effects=((), ()))
-    chain = refit(plain, split.train).chain
-    space, left = tangent(chain, split.train), residuals(chain, split.train)
-    screened = tuple(screen(chain, split.train, space, left, NOISE_UM, ("thermal_drift",)))
-    (candidate,) = candidates_for(chain, split, space, left, screened, None)
-    (found,) = candidate.fitted.chain.record_effects[0]
+    chain = refit(plain, split.train).model
+    present = PresentModel.of(chain, split)
+    (candidate,) = candidates_for(present, split, screen(present, ("thermal_drift",)), None)
+    (found,) = candidate.fitted.model.record_effects[0]
     assert isinstance(found, ThermalDrift)
     assert (found.warm_up_um != 0.0) == (drift.warm_up_um != 0.0)
     assert np.sqrt(candidate.fitted.squared_error / split.n_used) < 1.02 * NOISE_UM

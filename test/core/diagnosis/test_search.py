@@ -88,10 +88,10 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
     first = _contender(split, "mechanical_resonance", 3.91, 3.20, n_free=2)
     rival = _contender(split, "amplifier_bandwidth", 3.66, 3.19)
-    none_yet = first.fitted.chain.with_cause(MechanicalResonance(433.0, 0.68))
-    steps = [search.Step(first.fitted.chain, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
+    none_yet = first.fitted.model.with_cause(MechanicalResonance(433.0, 0.68))
+    steps = [search.Step(first.fitted.model, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
     both = none_yet.with_cause(AmplifierBandwidth(112.0))
-    plain = first.fitted.chain
+    plain = first.fitted.model
     poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
 
     def better(beside: Candidate, settled: Refit) -> tuple[int, Candidate] | None:
@@ -99,13 +99,13 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
         monkeypatch.setattr(search, "fit_until_still", lambda *_: settled)
         gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
         monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
-        return search._better_rival(steps, both, poor, split, (), None)
+        return search._better_rival(search._SearchState(both, tuple(steps), poor, frozenset()), split, (), None)
 
     delay = _contender(split, "transport_delay", 6.0, 6.0)
-    assert better(delay, replace(good, chain=plain)) == (0, rival)
-    assert better(delay, replace(poor, chain=plain)) is None
+    assert better(delay, replace(good, model=plain)) == (0, rival)
+    assert better(delay, replace(poor, model=plain)) is None
     # the same two in another order: nothing gained
-    assert better(first, replace(good, chain=plain)) is None
+    assert better(first, replace(good, model=plain)) is None
 
 
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(split: DataSplit) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,20 +11,37 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from fomrc_core.effects import effect_classes
+from fomrc_core.effects.amplifier_saturation import AmplifierSaturation
+from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects.clock_skew import ClockSkew
+from fomrc_core.effects.cross_axis import CrossAxis
+from fomrc_core.effects.dead_zone import DeadZone
+from fomrc_core.effects.external_load import ExternalLoad
+from fomrc_core.effects.gain_drift import GainDrift
+from fomrc_core.effects.mains_hum import MainsHum
+from fomrc_core.effects.missing_hysteresis import MissingHysteresis
+from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
+from fomrc_core.effects.slow_relaxation import SlowRelaxation
+from fomrc_core.effects.thermal_drift import ThermalDrift
+from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, parts_of_steps, subdivide
+from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, parts_of_steps, subdivide
 
 _KAPPA, _SATURATION, _ORDER = [10.0, 25.0, 50.0, 1.3], [0.05, 0.1, 0.04], 0.03
 _RINGING = effect_classes()["mechanical_resonance"](314.0, 0.0157)  # type: ignore[call-arg]
 
 
 def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
-    parts, bend = parts_of_steps(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, (_RINGING,), False)
+    parts, bend = parts_of_steps(
+        np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, (_RINGING,), Substeps.BENDS
+    )
     assert parts[0] == parts[1] == N_PARTS_LARGE
     assert parts[4] == N_SUBSTEPS
     assert parts[-1] == 1
     assert 0.0 < bend < 1e-3
-    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, (_RINGING,), False)
+    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, (_RINGING,), Substeps.BENDS)
     assert at_rest.tolist() == [1, 1, 1]
     assert bend == 0.0
 
@@ -30,12 +49,12 @@ def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
 @given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=30), st.integers(1, 29))
 def test_what_is_divided_does_not_depend_on_where_a_record_is_cut(changes: list[float], cut: int) -> None:
     change = np.array(changes)
-    whole, end = parts_of_steps(change, 1.0, (_RINGING,), False)
-    first, bend = parts_of_steps(change[:cut], 1.0, (_RINGING,), False)
+    whole, end = parts_of_steps(change, 1.0, (_RINGING,), Substeps.BENDS)
+    first, bend = parts_of_steps(change[:cut], 1.0, (_RINGING,), Substeps.BENDS)
     if cut >= change.size:
         np.testing.assert_array_equal(first, whole)
         return
-    second, bend = parts_of_steps(change[cut:], 1.0, (_RINGING,), False, bend)
+    second, bend = parts_of_steps(change[cut:], 1.0, (_RINGING,), Substeps.BENDS, bend)
     np.testing.assert_array_equal(np.concatenate((first, second)), whole)
     assert bend == end
 
@@ -60,6 +79,70 @@ def test_a_ringing_mass_follows_a_jump_as_one_worked_fifty_times_finer(jump_v: f
     c = 2.0 / h
     a = np.array([c * c + 2 * damping * w * c + w * w, 2 * (w * w - c * c), c * c - 2 * damping * w * c + w * w])
     expected = lfilter(w * w * np.array([1.0, 2.0, 1.0]) / a[0], a / a[0], creeping)[n_parts - 1 :: n_parts]
-    moved = bare.with_effects(_RINGING).simulate(np.full(drive.size, step_s), drive)
+    model = replace(bare, effects=(_RINGING,), substeps=Substeps.BENDS)
+    moved = model.simulate(np.full(drive.size, step_s), drive)
     swing = float(np.ptp(expected))
     assert np.max(np.abs(moved - expected)) < 2e-3 * swing
+
+
+_NULLS = {
+    "amplifier_saturation": AmplifierSaturation(),
+    "amplifier_slew_limit": AmplifierSlewLimit(1e9),
+    "asymmetric_hysteresis": AsymmetricHysteresis(),
+    "clock_skew": ClockSkew(0.0),
+    "cross_axis": CrossAxis(0.0),
+    "dead_zone": DeadZone(0.0),
+    "external_load": ExternalLoad(0.0, 0.05),
+    "gain_drift": GainDrift(0.0),
+    "mains_hum": MainsHum(50.0, 0.0),
+    "missing_hysteresis": MissingHysteresis(0.0),
+    "sensor_nonlinearity": SensorNonlinearity(),
+    "slow_relaxation": SlowRelaxation(0.0, 0.1),
+    "thermal_drift": ThermalDrift(),
+    "transport_delay": TransportDelay(0.0),
+}
+_NOT_REPRESENTABLE = {"amplifier_bandwidth", "dac_quantization", "mechanical_resonance"}
+
+
+def test_every_effect_whose_size_can_be_nothing_is_asked_for_nothing() -> None:
+    assert set(_NULLS) | _NOT_REPRESENTABLE == set(effect_classes())
+    assert not any(
+        kind.main_parameter in kind.linear_parameters for kind in map(effect_classes().get, _NOT_REPRESENTABLE)
+    )
+
+
+@pytest.mark.parametrize("name", _NULLS)
+@pytest.mark.parametrize("substeps", [Substeps.NONE, Substeps.JUMPS, Substeps.BENDS])
+def test_an_effect_of_size_zero_changes_no_bit(name: str, substeps: Substeps) -> None:
+    bare = PiezoModel(_KAPPA, _SATURATION, _ORDER, substeps=substeps)  # type: ignore[arg-type]
+    rng = np.random.default_rng(3)
+    steps_s = 1e-3 * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, 500))
+    drive = np.concatenate((np.full(100, 1.3), np.sin(np.arange(200) / 9.0), np.repeat(rng.normal(size=10), 20)))
+    outside = {"temperature_c": 20.0 + rng.normal(size=500), "cross": rng.normal(size=500)}
+    expected = bare.simulate(steps_s, drive)
+    found = bare.with_effects(_NULLS[name]).simulate(steps_s, drive, **outside)
+    assert np.array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", _NULLS)
+def test_a_file_of_before_the_key_divides_steps_as_then_and_for_nothing_not_at_all(name: str) -> None:
+    effect = _NULLS[name]
+    block = {"kappa_um_per_v": _KAPPA, "saturation_v": _SATURATION, "creep_order": _ORDER}
+    null = PiezoModel.from_mapping({**block, "effects": [name], name: effect.to_mapping()})
+    if effect.is_null():
+        assert null.substeps is Substeps.NONE
+    back = PiezoModel.from_mapping(replace(null, substeps=Substeps.BENDS).to_mapping())
+    assert back.substeps is Substeps.BENDS
+
+
+def test_a_file_that_does_not_say_is_read_as_ever() -> None:
+    block = {"kappa_um_per_v": _KAPPA, "saturation_v": _SATURATION, "creep_order": _ORDER}
+    lag = {"effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff_hz": 40.0}}
+    drift = {"effects": ["gain_drift"], "gain_drift": {"per_s": 0.01}}
+    past = {"effects": ["initial_state"], "initial_state": {"extreme_v": 1.0}}
+    expected = [({}, Substeps.NONE), (lag, Substeps.BENDS), (drift, Substeps.JUMPS), (past, Substeps.JUMPS)]
+    for more, substeps in expected:
+        assert PiezoModel.from_mapping({**block, **more}).substeps is substeps
+    assert "substeps" not in PiezoModel.from_mapping(block).to_mapping()
+    with pytest.raises(InputError, match=r"model\.substeps"):
+        PiezoModel.from_mapping({**block, "substeps": "few"})

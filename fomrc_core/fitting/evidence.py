@@ -1,0 +1,35 @@
+"""What effects may look at, to propose trial instances of themselves, of a model under fit."""
+
+from __future__ import annotations
+
+from fomrc_core.compute.arrays import Array
+from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.trial_model import TrialModel, predict
+
+
+def evidence_of(
+    trial: TrialModel, records: tuple[FitRecord, ...], residuals_um: tuple[Array, ...], noise_um: float
+) -> Evidence:
+    """Return what the effects may look at.
+
+    Args:
+        trial: the present model.
+        records: what it was fitted to.
+        residuals_um: measured minus predicted, offset removed, per record [um].
+        noise_um: noise floor [um].
+    """
+    return Evidence(
+        tuple(
+            RecordEvidence(
+                record.time_s,
+                record.steps_s,
+                record.voltage_v,
+                predict(trial, record, index, is_coarse=True),
+                residual_um,
+                record.covariates,
+            )
+            for index, (record, residual_um) in enumerate(zip(records, residuals_um, strict=True))
+        ),
+        noise_um,
+    )
