@@ -76,9 +76,9 @@ def main() -> int:
         logs = Path(folder)
         common = {"rate_hz": options.rate}
         nodes = {
-            "compensator": NodeProcess("fomrc_ros.compensator.node", "/", [MODEL], common, environment, logs / "c"),
+            "compensator": NodeProcess("fomrc_ros.compensator", "/", [MODEL], common, environment, logs / "c"),
             "simulated_pea": NodeProcess(
-                "fomrc_ros.simulated_stage.node",
+                "fomrc_ros.simulated_stage",
                 "/",
                 [MODEL],
                 {**common, "plant": options.plant},

@@ -105,7 +105,7 @@ def demo(context: typer.Context) -> None:
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     sys.stdout.flush()
     # In place of this process, so that signals and the exit status need nobody to pass them on.
-    os.execve(sys.executable, [sys.executable, "-m", "fomrc_ros.demo.demo", *context.args], environment)
+    os.execve(sys.executable, [sys.executable, "-m", "fomrc_ros.demo", *context.args], environment)
 
 
 def _exported(name: str, folder: Path) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -289,7 +288,3 @@ def make_node() -> CompensatorNode:
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; the entry point of ``ros2 run fomrc_ros compensator``."""
     return run(make_node, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from fomrc_core.control.compensation_loop import LoopSettings
-from fomrc_core.control.voltage_limits import LIMIT_SPECS, POLICIES, VoltageLimits
+from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders, started_with
 from fomrc_ros.node.parameters import ParameterSpec
+from fomrc_ros.node.voltage_parameters import LIMIT_SPECS, POLICIES
 
 
 def compensator_specs() -> tuple[ParameterSpec, ...]:

@@ -149,9 +149,9 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
             stack.enter_context(NodeProcess(*node, environment, logs / f"{k}.log"))
             for k, node in enumerate(
                 (
-                    ("fomrc_ros.compensator.node", f"/{COMPENSATED}", [model_path], {}),
-                    ("fomrc_ros.simulated_stage.node", f"/{COMPENSATED}", [], {**stage, "seed": 1}),
-                    ("fomrc_ros.simulated_stage.node", f"/{UNCOMPENSATED}", [], {**stage, "seed": 2}),
+                    ("fomrc_ros.compensator", f"/{COMPENSATED}", [model_path], {}),
+                    ("fomrc_ros.simulated_stage", f"/{COMPENSATED}", [], {**stage, "seed": 1}),
+                    ("fomrc_ros.simulated_stage", f"/{UNCOMPENSATED}", [], {**stage, "seed": 2}),
                 )
             )
         ]
@@ -239,7 +239,3 @@ def _table(experiments: Sequence[Experiment]) -> Table:
 
 def _percent(value: float) -> str:
     return "not judged" if math.isnan(value) else f"{value:.2f} %"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -29,7 +29,7 @@ class NodeProcess:
     """One node in a process.
 
     Args:
-        module: module to run, e.g. ``fomrc_ros.compensator.node``.
+        module: module to run, e.g. ``fomrc_ros.compensator``.
         namespace: namespace of the node.
         parameter_files: parameter files.
         parameters: single parameters, which override the files.

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -128,7 +127,3 @@ def command_main(arguments: list[str] | None = None) -> int:
 def monitor_main(arguments: list[str] | None = None) -> int:
     """Run the monitor node; the entry point of ``ros2 run fomrc_ros gap_monitor``."""
     return run(GapMonitor, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(monitor_main() if "--monitor" in sys.argv else command_main())

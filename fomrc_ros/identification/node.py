@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -201,7 +200,3 @@ class IdentificationNode(Node):
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; the entry point of ``ros2 run fomrc_ros identification``."""
     return run(IdentificationNode, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fomrc_core.control.voltage_limits import LIMIT_SPECS
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import Kind, ParameterSpec
+from fomrc_ros.node.voltage_parameters import LIMIT_SPECS
 
 METHODS = ("convex", "paper")
 

@@ -11,4 +11,5 @@ __all__ = [
     "parameters",
     "quality_of_service",
     "runtime",
+    "voltage_parameters",
 ]

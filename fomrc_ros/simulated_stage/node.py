@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -177,7 +176,3 @@ class SimulatedPea(Node):
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; the entry point of ``ros2 run fomrc_ros simulated_pea``."""
     return run(SimulatedPea, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

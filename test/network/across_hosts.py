@@ -169,8 +169,8 @@ def main() -> int:
             stale = ["-p", "stale_after_s:=0.5", "-p", "stale_policy:=ramp", "-p", "safe_ramp_v_per_s:=5.0"]
             script = str(Path(__file__).resolve())
             processes += [
-                in_host("compensator", "-m", "fomrc_ros.compensator.node", *common, *stale, log=logs / "c"),
-                in_host("stage", "-m", "fomrc_ros.simulated_stage.node", *common, "-p", "plant:=fomrc", log=logs / "s"),
+                in_host("compensator", "-m", "fomrc_ros.compensator", *common, *stale, log=logs / "c"),
+                in_host("stage", "-m", "fomrc_ros.simulated_stage", *common, "-p", "plant:=fomrc", log=logs / "s"),
                 in_host("driver", script, "--drive", str(logs / "moved"), log=logs / "d"),
                 in_host("stage", script, "--watch", str(logs / "volts"), log=logs / "w"),
             ]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from harness import MODEL, REPOSITORY, model_file
+from harness import REPOSITORY, model_file
 from sensor_msgs.msg import JointState
+from small_model import MODEL
 
 MOTIONS = ["piston", "tip", "tilt"]
 

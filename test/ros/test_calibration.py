@@ -9,8 +9,9 @@ import time
 
 import numpy as np
 import yaml
-from harness import MODEL, model_file
+from harness import model_file
 from sensor_msgs.msg import JointState
+from small_model import MODEL
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -83,7 +84,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     compensator, stage, identification = nodes(tmp_path, start, **HASTY, displacement_timeout_s=0.5)
     heard, moved = probe.record("voltage"), probe.record("displacement")
     publisher = probe.publisher("desired_position")
-    client = probe.node.create_client(Trigger, f"{identification.name}/calibrate")
+    client = probe.client(Trigger, f"{identification.name}/calibrate")
     probe.until(lambda: client.service_is_ready() and moved, "nodes")
     probe.drive(publisher, lambda t: 0.5e-6, 0.2)
 

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import compensator_of, journal_records, model_file
+from harness import journal_records, model_file
 from sensor_msgs.msg import JointState
+from small_model import compensator_of
 
 
 def swing(t: float) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import MODEL
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from small_model import MODEL
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -44,7 +44,7 @@ def test_identify(tmp_path, probe, start, recording):
     # Whoever comes later sees the model too.
     seen: list = []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    probe.node.create_subscription(String, f"{node.name}/model", seen.append, latched)
+    probe.subscribe(String, f"{node.name}/model", lambda _, message: seen.append(message), latched)
     probe.until(lambda: seen, "the model")
     assert yaml.safe_load(seen[0].data)["/**"]["ros__parameters"]["model"] == found
 
@@ -111,7 +111,7 @@ def test_diagnose_names_the_lag_and_writes_the_extended_model(tmp_path, probe, s
 def test_the_node_goes_on_while_it_fits_and_can_be_told_to_stop(tmp_path, probe, start, recording):
     node = start("identification", n_elements=0)
     probe.set_one(node.name, "recordings", [str(recording)] * 3)
-    client = probe.node.create_client(Trigger, f"{node.name}/identify")
+    client = probe.client(Trigger, f"{node.name}/identify")
     probe.until(client.service_is_ready, "service")
     future = client.call_async(Trigger.Request())
     probe.until(lambda: "progress_percent" in probe.diagnostics.get(node.name, {}), "progress")

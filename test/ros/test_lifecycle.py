@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from harness import MODEL, model_file
+from harness import model_file
+from small_model import MODEL
 
 
 def test_transitions(tmp_path, probe, start):

@@ -6,8 +6,9 @@ import copy
 
 import numpy as np
 import pytest
-from harness import MODEL, compensator_of, journal_records, model_file
+from harness import journal_records, model_file
 from rclpy.parameter import Parameter
+from small_model import MODEL, compensator_of
 
 OTHER = {"kappa_um_per_v": [18.0, 13.0, 8.0, 1.3], "saturation_v": [0.03, 0.06, 0.25], "creep_order": 0.015}
 

@@ -293,7 +293,7 @@ def test_the_demo_runs_in_place_with_a_domain_of_its_own(monkeypatch: pytest.Mon
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     assert run(["demo", "--output", "folder"]) == 0
     ((arguments, environment),) = started
-    assert arguments[1:] == ["-m", "fomrc_ros.demo.demo", "--output", "folder"]
+    assert arguments[1:] == ["-m", "fomrc_ros.demo", "--output", "folder"]
     assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 100
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
     assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in environment

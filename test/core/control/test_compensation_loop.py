@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from harness import MODEL, compensator_of
+from small_model import MODEL, compensator_of
 
 from fomrc_core.control.actuator_memory import aging_steps
 from fomrc_core.control.compensation_loop import Activity, CompensationLoop, LoopSettings
