@@ -3,4 +3,13 @@
 A node of any middleware can be built on it; it knows steps, targets and voltages only.
 """
 
-__all__ = ["checkpoint", "compensation_loop", "loop_timing", "tick_grid", "voltage_limits"]
+__all__ = [
+    "actuator_drive",
+    "checkpoint",
+    "compensation_loop",
+    "loop_timing",
+    "model_gate",
+    "plausible_model",
+    "tick_grid",
+    "voltage_limits",
+]

@@ -8,9 +8,11 @@ killing the process loses nothing, only a power cut may lose what the system had
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import queue
+import re
 import struct
 import threading
 import time
@@ -31,6 +33,9 @@ from fomrc_core.storage.atomic import write_bytes
 
 FORMAT = "fomrc compensator checkpoint 1"
 LARGEST_CHECKPOINT_BYTES = 4_000_000
+# Eight digits of the checksum, then JSON that begins with the format.
+_HEADER = re.compile(rb'[0-9a-f]{8}\n\{"format": "fomrc compensator checkpoint ')
+_HEADER_BYTES = 64
 _RECORD = struct.Struct("<ddddd")  # wall time [s], step [s], desired [um], second axis or NaN, voltage [V]
 _CHECK = struct.Struct("<I")
 _RECORD_BYTES = _RECORD.size + _CHECK.size
@@ -64,21 +69,25 @@ class CheckpointWriter:
         period_s: time between snapshots [s].
 
     Raises:
-        StorageError: the folder cannot be written to.
+        StorageError: the folder cannot be written to, or the file is there and no checkpoint.
     """
 
     def __init__(self, path: Path, period_s: float) -> None:
         self._path, self._period_s = path, period_s
         self._sequence = max([_journal_number(journal) for journal in _journals(path)], default=0)
-        self._journal = -1
+        self._written = self._broken = self._sequence
+        self._journal, self._journal_bytes = -1, 0
         self._next_snapshot_s = 0.0
         self.failure = ""
         self.n_snapshots = 0
+        if path.exists() and not is_checkpoint(path):
+            raise StorageError("is no checkpoint, and is not written over", where=str(path))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             # What a killed writer had begun and not renamed.
-            for unfinished in path.parent.glob(f".{path.name}.*.tmp"):
-                unfinished.unlink(missing_ok=True)
+            for entry in path.parent.iterdir():
+                if entry.name.startswith(f".{path.name}.") and entry.name.endswith(".tmp"):
+                    entry.unlink(missing_ok=True)
         except OSError as error:
             raise StorageError(f"cannot be written: {error.strerror}", where=str(path.parent)) from None
         self._queue: queue.Queue[tuple[int, dict[str, Any]] | None] = queue.Queue(maxsize=2)
@@ -111,17 +120,14 @@ class CheckpointWriter:
         now = time.time()
         if self._journal >= 0:
             record = _RECORD.pack(now, step_s, desired_um, cross, voltage_v)
-            try:
-                os.write(self._journal, record + _CHECK.pack(zlib.crc32(record)))
-            except OSError as error:
-                self._fail(error)
+            self._append(record + _CHECK.pack(zlib.crc32(record)))
         is_due = now >= self._next_snapshot_s or now < self._next_snapshot_s - self._period_s
         if is_discontinuous or (is_due and not self._queue.full()):
             self._next_snapshot_s = now + self._period_s
             self._begin_journal()
-            self._queue.put(
-                (self._sequence, _snapshot(compensator, memory, voltage_v, desired_um, now, self._sequence))
-            )
+            content = _snapshot(compensator, memory, voltage_v, desired_um, now)
+            content |= {"sequence": self._sequence, "journal_bytes": self._journal_bytes}
+            self._queue.put((self._sequence, content))
         if is_discontinuous:
             # The journal does not tell of it, so it must be on disk before the next tick; rare enough.
             self._queue.join()
@@ -134,15 +140,30 @@ class CheckpointWriter:
             os.close(self._journal)
             self._journal = -1
 
+    def _append(self, record: bytes) -> None:
+        try:
+            n_written = os.write(self._journal, record)
+            if n_written < len(record):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            self._journal_bytes += n_written
+        except OSError as error:
+            self._fail(error)
+            # A tick is missing from here on: what has been written says so, and takes no more room for it.
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._journal, self._journal_bytes)
+                os.pwrite(self._journal, bytes(_RECORD_BYTES), max(self._journal_bytes - _RECORD_BYTES, 0))
+            os.close(self._journal)
+            self._journal, self._broken = -1, self._sequence
+
     def _begin_journal(self) -> None:
+        if self._journal >= 0 and self._sequence != self._written:
+            return  # the last snapshot is not on disk: its journal goes on, and a full disk gets no more files
         if self._journal >= 0:
             os.close(self._journal)
-        self._sequence += 1
+        self._sequence, self._journal_bytes = max(self._written, self._broken) + 1, 0
         try:
             self._journal = os.open(
-                _journal_path(self._path, self._sequence),
-                os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND,
-                0o600,
+                _journal_path(self._path, self._sequence), os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600
             )
         except OSError as error:
             self._journal = -1
@@ -154,6 +175,7 @@ class CheckpointWriter:
             try:
                 write_bytes(_sealed(content), self._path)
                 self.n_snapshots += 1
+                self._written = sequence
                 self.failure = ""
                 for journal in _journals(self._path):
                     if _journal_number(journal) < sequence:
@@ -190,6 +212,7 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
         )
         voltage_v, desired_um = float(content["voltage_v"]), float(content["desired_um"])
         wall_s, sequence = float(content["wall_time_s"]), int(content["sequence"])
+        n_bytes_before = int(content.get("journal_bytes", 0))
     except (KeyError, TypeError, ValueError, FomrcError) as error:
         raise StorageError(f"checkpoint does not hold a memory: {error}", where=where) from None
     expected = old.initial_state()
@@ -197,7 +220,8 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
         raise StorageError("checkpoint's state does not fit its model", where=where)
     for journal in sorted(_journals(path), key=_journal_number):
         if _journal_number(journal) >= sequence:
-            for wall_s, step_s, desired_um, cross, voltage_v in _records(journal):  # noqa: B007
+            n_before = n_bytes_before // _RECORD_BYTES if _journal_number(journal) == sequence else 0
+            for wall_s, step_s, desired_um, cross, voltage_v in _records(journal)[n_before:]:  # noqa: B007
                 memory.advance(old, desired_um, step_s, cross)
     down_time_s = time.time() - wall_s
     if down_time_s < -1.0:
@@ -210,8 +234,25 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
     return Resumed(resumed, voltage_v, desired_um, down_time_s, is_exact)
 
 
+def is_checkpoint(path: Path) -> bool:
+    """Tell whether a file carries the header of a checkpoint, damaged behind it or not."""
+    try:
+        with path.open("rb") as file:
+            return _HEADER.match(file.read(_HEADER_BYTES)) is not None
+    except OSError:
+        return False
+
+
 def discard_checkpoint(path: Path) -> Path:
-    """Move a checkpoint aside, its journals with it; return where it went."""
+    """Move a checkpoint aside, its journals with it; return where it went.
+
+    Raises:
+        StorageError: it is no checkpoint, so that it is left as it is.
+    """
+    if not is_checkpoint(path):
+        raise StorageError(
+            "is no checkpoint, and is left as it is", where=str(path), allowed="a new file, or a checkpoint"
+        )
     aside = path.with_name(path.name + ".damaged")
     with contextlib.suppress(OSError):
         os.replace(path, aside)
@@ -226,12 +267,10 @@ def _snapshot(
     voltage_v: float,
     desired_um: float,
     wall_time_s: float,
-    sequence: int,
 ) -> dict[str, Any]:
     # Copied here, by the loop; turned into text by the writer's thread.
     return {
         "format": FORMAT,
-        "sequence": sequence,
         "wall_time_s": wall_time_s,
         "voltage_v": voltage_v,
         "desired_um": desired_um,
@@ -296,7 +335,12 @@ def _journal_path(path: Path, sequence: int) -> Path:
 
 
 def _journals(path: Path) -> list[Path]:
-    return [journal for journal in path.parent.glob(f"{path.name}.journal.*") if journal.suffix[1:].isdigit()]
+    # Compared by name: a pattern would take brackets in it for a choice of letters.
+    start = f"{path.name}.journal."
+    try:
+        return [entry for entry in path.parent.iterdir() if entry.name.startswith(start) and entry.suffix[1:].isdigit()]
+    except OSError:
+        return []
 
 
 def _journal_number(journal: Path) -> int:

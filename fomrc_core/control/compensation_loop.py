@@ -32,6 +32,7 @@ class Activity(Enum):
     HOLDING = "holding a stale target"
     RAMPING = "ramping to the safe voltage"
     ROUTINE = "driving a routine"
+    BORROWED = "driven by a borrower of the voltage"
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class LoopCounts:
     n_slewed: int = 0
     n_swaps: int = 0
     n_stale: int = 0
+    n_without_voltage: int = 0
 
 
 class CompensationLoop:
@@ -88,9 +90,12 @@ class CompensationLoop:
         self.activity = Activity.WAITING
         self.voltage_v = voltage_v
         self.target_um = target_um
+        # Whether the voltage on the actuator is one this loop, or the one it goes on from, has driven.
+        self.has_driven = memory is not None
         self.age_s = 0.0
         self.followed_um = 0.0
         self.cross = math.nan
+        self._shortfall_um = 0.0
         self.is_discontinuous = True
         self._target_age_s = 0.0
         self._replay: MemoryReplay | None = None
@@ -119,6 +124,15 @@ class CompensationLoop:
     def target_age_s(self) -> float:
         """How long ago the last target came [s]."""
         return self._target_age_s
+
+    def take_shortfall_um(self) -> float:
+        """Return the furthest [um] the voltage limits kept the actuator from its target since last asked."""
+        shortfall_um, self._shortfall_um = self._shortfall_um, 0.0
+        return shortfall_um
+
+    def forget_target(self) -> None:
+        """Drop the target: nothing is followed before the next one."""
+        self.target_um = None
 
     def set_target(self, desired_um: float) -> None:
         """Take a new target [um]."""
@@ -165,26 +179,30 @@ class CompensationLoop:
         Args:
             step_s: time since the last tick [s].
         """
-        self.age_s += step_s
-        self._target_age_s += step_s
-        if step_s > _LONG_PAUSE_PERIODS * self.settings.period_s:
-            step_s = self._sit_out(step_s)
-        if self._replay is not None:
-            self._work_on_replay()
+        step_s = self._begin_tick(step_s)
         if self._routine is not None:
             return self._tick_routine(self._routine, step_s)
         if self.target_um is None:
             self.activity = Activity.WAITING
-            return None
+            return self._rest(step_s)
         settings = self.settings
         is_stale = 0.0 < settings.stale_after_s < self._target_age_s
         if is_stale:
             if self.activity is Activity.TRACKING:
                 self.counts.n_stale += 1
             if settings.ramps_when_stale:
-                return self.tick_to_safe(step_s)
+                return self._ramp(step_s)
         self.activity = Activity.HOLDING if is_stale else Activity.TRACKING
         return self._tick_tracking(self.target_um, step_s)
+
+    def _begin_tick(self, step_s: float) -> float:
+        self.age_s += step_s
+        self._target_age_s += step_s
+        if step_s > _LONG_PAUSE_PERIODS * self.settings.period_s:
+            step_s = self._sit_out(step_s)
+        if self._replay is not None:
+            self._work_on_replay()
+        return step_s
 
     def _sit_out(self, pause_s: float) -> float:
         # Nothing was driven for a while (inactive, suspended): the actuator rested where it was, and crept.
@@ -195,10 +213,26 @@ class CompensationLoop:
             self._history.mark(self.compensator, self.memory)
         return steps[-1]
 
+    def _rest(self, step_s: float) -> float | None:
+        # Without a target nothing is driven, but what was must not stay beyond limits narrowed since.
+        allowed_v = self.settings.limits.clamp(self.voltage_v)
+        if not self.has_driven or allowed_v == self.voltage_v:
+            return None
+        return self._apply(allowed_v, step_s)
+
     def tick_to_safe(self, step_s: float) -> float:
         """Return the next voltage [V] of the ramp to the safe voltage; the memory follows."""
+        return self._ramp(self._begin_tick(step_s))
+
+    def _ramp(self, step_s: float) -> float:
         self.activity = Activity.RAMPING
         return self._apply(self.settings.limits.ramp_to_safe(self.voltage_v, step_s), step_s)
+
+    def tick_to(self, goal_v: float, step_s: float) -> float:
+        """Return the voltage [V] nearest to one somebody else asks for; the memory follows."""
+        step_s = self._begin_tick(step_s)
+        self.activity = Activity.BORROWED
+        return self._apply(self.settings.limits.approach(self.voltage_v, goal_v, step_s), step_s)
 
     def _tick_routine(self, routine: Iterator[float], step_s: float) -> float:
         self.activity = Activity.ROUTINE
@@ -213,21 +247,35 @@ class CompensationLoop:
         limits = self.settings.limits
         before = self.memory.state.copy()
         wanted = self.compensator.advance(self.memory.state, target_um, step_s, cross=self.cross)
-        voltage = limits.approach(self.voltage_v, wanted, step_s)
-        if voltage == wanted:
-            self._is_catching_up = False
-        elif self._is_catching_up:
-            self.counts.n_slewed += 1
-        else:
-            if voltage != wanted and voltage == limits.clamp(wanted):
-                self.counts.n_clamped += 1
-            else:
-                self.counts.n_slewed += 1
-            # The actuator does not get there: let the model know where it goes instead.
+        if not math.isfinite(wanted):
+            # A model far from its actuator can ask for no voltage at all: stay, and keep the memory sound.
+            self.counts.n_without_voltage += 1
             self.memory.state = before
-            return self._apply(voltage, step_s)
-        self._remember(step_s, target_um)
-        self.voltage_v = voltage
+            self.voltage_v = limits.clamp(self.voltage_v)
+            return self.voltage_v
+        voltage = limits.approach(self.voltage_v, wanted, step_s)
+        is_clamped = limits.clamp(wanted) != wanted
+        if voltage == wanted or is_clamped:
+            self._is_catching_up = False
+        if voltage == wanted:
+            self._remember(step_s, target_um)
+            self.voltage_v = voltage
+            self.has_driven = True
+            return voltage
+        if self._is_catching_up:
+            self.counts.n_slewed += 1
+            self._remember(step_s, target_um)
+            self.voltage_v = voltage
+            return voltage
+        if voltage == limits.clamp(wanted):
+            self.counts.n_clamped += 1
+        else:
+            self.counts.n_slewed += 1
+        # The actuator does not get there: let the model know where it goes instead.
+        self.memory.state = before
+        self._apply(voltage, step_s)
+        if is_clamped and voltage == limits.clamp(wanted):
+            self._shortfall_um = max(self._shortfall_um, abs(target_um - self.followed_um))
         return voltage
 
     def _apply(self, voltage_v: float, step_s: float) -> float:
@@ -239,6 +287,7 @@ class CompensationLoop:
         self.compensator.advance(self.memory.state, reached_um, step_s, cross=self.cross)
         self._remember(step_s, reached_um)
         self.voltage_v = voltage_v
+        self.has_driven = True
         return voltage_v
 
     def _remember(self, step_s: float, desired_um: float) -> None:

@@ -61,12 +61,31 @@ class VoltageLimits:
         """Return the nearest voltage within the limits [V]."""
         return min(max(voltage_v, self.minimum_v), self.maximum_v)
 
+    def narrowed(self, other: VoltageLimits) -> VoltageLimits:
+        """Return the limits that keep both these and others, the safe voltage as near to these as that allows.
+
+        Raises:
+            ParameterError: no voltage is within both.
+        """
+        low, high = max(self.minimum_v, other.minimum_v), min(self.maximum_v, other.maximum_v)
+        return VoltageLimits(
+            low,
+            high,
+            min(self.slew_v_per_s, other.slew_v_per_s),
+            min(max(self.safe_v, low), high),
+            min(self.safe_ramp_v_per_s, other.safe_ramp_v_per_s),
+        )
+
     def approach(self, last_v: float, goal_v: float, step_s: float) -> float:
-        """Return the voltage within clamp and slew limit that is nearest to the goal [V]."""
+        """Return the voltage within clamp and slew limit that is nearest to the goal [V].
+
+        The clamp comes last: where the limits have been narrowed and the last voltage lies beyond them, the next
+        one lies within them, however far that is.
+        """
         reach = self.slew_v_per_s * step_s
-        return min(max(self.clamp(goal_v), last_v - reach), last_v + reach)
+        return self.clamp(min(max(self.clamp(goal_v), last_v - reach), last_v + reach))
 
     def ramp_to_safe(self, last_v: float, step_s: float) -> float:
         """Return the next voltage of the ramp to the safe one [V]."""
         reach = min(self.safe_ramp_v_per_s, self.slew_v_per_s) * step_s
-        return min(max(self.safe_v, last_v - reach), last_v + reach)
+        return self.clamp(min(max(self.safe_v, last_v - reach), last_v + reach))

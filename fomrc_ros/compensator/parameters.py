@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fomrc_core.control.actuator_drive import DriveSettings
 from fomrc_core.control.compensation_loop import LoopSettings
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import ParameterError
@@ -85,6 +86,14 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
             maximum=100.0,
         ),
         ParameterSpec(
+            "lease_s",
+            2.0,
+            "how long a borrower of the voltage may be silent before it is taken back and ramped to the safe one",
+            unit="s",
+            minimum=0.1,
+            maximum=60.0,
+        ),
+        ParameterSpec(
             "history_s",
             120.0,
             "how much of the past is kept sample by sample for a changed creep order; thirty times as much in outline",
@@ -125,8 +134,8 @@ class CompensatorSettings:
 
     Args:
         compensator: of the model, None while no model has been given.
-        loop: limits and policies.
-        ramps_on_stop: ramp to the safe voltage on deactivate and shutdown; else hold.
+        loop: limits and policies of the loop.
+        drive: what every voltage keeps to, whoever asks for it.
         relax_amplitude_v: first amplitude of the relaxation routine [V].
         relax_duration_s: its duration [s].
         relax_frequency_hz: its frequency [Hz].
@@ -134,7 +143,7 @@ class CompensatorSettings:
 
     compensator: Compensator | None
     loop: LoopSettings
-    ramps_on_stop: bool
+    drive: DriveSettings
     relax_amplitude_v: float
     relax_duration_s: float
     relax_frequency_hz: float
@@ -166,7 +175,7 @@ class SettingsBuilder:
                 1.0 / values["rate_hz"],
                 values["history_s"],
             ),
-            values["stop_policy"] == "ramp",
+            DriveSettings(limits, values["stop_policy"] == "ramp", values["lease_s"]),
             amplitude,
             values["relax_duration_s"],
             values["relax_frequency_hz"],

@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any
 
+from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from fomrc_core.control.actuator_drive import ActuatorDrive
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.records import excitation
-from fomrc_ros.node.parameter_files import confined_path, read_parameter_file
+from fomrc_ros.compensator.parameters import CompensatorSettings
+from fomrc_ros.node.model_parameters import as_replacement
+from fomrc_ros.node.parameter_files import confined_path, given_at_start, read_parameter_file
+from fomrc_ros.node.parameters import NodeParameters
+from fomrc_ros.node.worker_process import WorkerRunner
 
-if TYPE_CHECKING:
-    from fomrc_ros.compensator.node import CompensatorNode
 
-
-class CompensatorServices:
-    """Offers the services of a compensator.
+class ReloadService:
+    """``~/reload_parameters``: reads ``parameters_file`` and takes it over, all or nothing.
 
     Args:
-        node: the compensator.
+        node: where the service is offered.
+        parameters: what is changed.
+        work: reads the file in a process of its own; large YAML takes seconds, and the voltage must not wait.
     """
 
-    def __init__(self, node: CompensatorNode) -> None:
-        self._node = node
-        self._relaxing: list[Future] = []
+    def __init__(self, node: Node, parameters: NodeParameters, work: WorkerRunner) -> None:
+        self._node, self._parameters, self._work = node, parameters, work
         node.create_service(Trigger, "~/reload_parameters", self._on_reload)
-        node.create_service(Trigger, "~/relax", self._on_relax)
-        node.create_service(Trigger, "~/assume_relaxed", self._on_assume_relaxed)
 
-    def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        values = self._node.parameters.values
+    async def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        values = self._parameters.values
         try:
-            path = confined_path(values["parameters_file"], values["allowed_folders"], "parameters_file")
-            self._node.parameters.set_all(read_parameter_file(path, self._node.get_fully_qualified_name()))
+            path = confined_path(
+                values["parameters_file"], values["allowed_folders"], "parameters_file", also=given_at_start()
+            )
+            found = await self._work.run(read_file, (path, self._node.get_fully_qualified_name()))
+            self._parameters.set_all(as_replacement(found))
             response.success, response.message = True, f"parameters of {path} are in force"
         except FomrcError as error:
             response.success, response.message = False, str(error)
@@ -43,15 +49,36 @@ class CompensatorServices:
             self._node.get_logger().error(f"reload refused: {response.message}")
         return response
 
+
+def read_file(request: tuple[Any, str], tell: Callable[[float, str], None]) -> dict[str, Any]:
+    """Return the parameters of a file, request being its path and the node's name; work for a process."""
+    return read_parameter_file(*request)
+
+
+class RelaxServices:
+    """``~/relax`` and ``~/assume_relaxed``.
+
+    Args:
+        node: where the services are offered.
+        drive: what is relaxed.
+        settings: gives the settings in force.
+    """
+
+    def __init__(self, node: Node, drive: ActuatorDrive, settings: Callable[[], CompensatorSettings]) -> None:
+        self._node, self._drive, self._settings = node, drive, settings
+        self._relaxing: list[Future] = []
+        node.create_service(Trigger, "~/relax", self._on_relax)
+        node.create_service(Trigger, "~/assume_relaxed", self._on_assume_relaxed)
+
     async def _on_relax(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        loop = self._node.loop
-        if loop is None or not self._node.is_active or self._node.is_stopping:
-            response.success, response.message = False, "not active: activate first"
-            return response
-        if loop.is_in_routine:
-            response.success, response.message = False, "a routine runs already"
-            return response
+        loop = self._drive.loop
         try:
+            if loop is None or not self._drive.is_active or self._drive.is_stopping:
+                raise FomrcError("not active: activate first")
+            if self._drive.is_lent or self._drive.is_ramping:
+                raise FomrcError(f"not now: {self._drive.activity}")
+            if loop.is_in_routine:
+                raise FomrcError("a routine runs already")
             loop.start_routine(iter(self._relaxation()))
         except FomrcError as error:
             response.success, response.message = False, str(error)
@@ -64,7 +91,7 @@ class CompensatorServices:
         return response
 
     def _relaxation(self) -> list[float]:
-        settings = self._node.settings
+        settings = self._settings()
         amplitude_v, limits = settings.relax_amplitude_v, settings.loop.limits
         if not limits.minimum_v <= -amplitude_v <= amplitude_v <= limits.maximum_v:
             # Clamped to one side it would leave the actuator anything but relaxed.
@@ -78,33 +105,30 @@ class CompensatorServices:
             amplitude_v,
             duration_s=settings.relax_duration_s,
             frequency_hz=settings.relax_frequency_hz,
-            rate_hz=1.0 / self._node.period_s,
+            rate_hz=1.0 / settings.loop.period_s,
         )
         voltages_v: list[float] = routine.voltage_v.tolist()
         return voltages_v
 
     def _on_assume_relaxed(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._node.loop is None:
-            response.success, response.message = False, "not configured"
-        else:
-            self._node.loop.set_relaxed()
-            self._node.problem = ""
-            response.success, response.message = True, "the actuator counts as relaxed from now on"
+        self._drive.set_relaxed()
+        response.success, response.message = True, "the actuator counts as relaxed from now on"
         return response
 
-    def finish_relaxing(self, reason: str) -> None:
-        """Answer whoever waits for the relaxation: done, or the reason why not."""
-        if not self._relaxing:
+    def after_tick(self) -> None:
+        """Answer whoever waits for a relaxation that has ended."""
+        if not self._relaxing or (self._drive.loop is not None and self._drive.loop.is_in_routine):
             return
+        self._answer("" if self._drive.loop is not None and not self._drive.is_stopping else "ended early")
+
+    def end(self, reason: str) -> None:
+        """Tell whoever waits for a relaxation why it does not go on."""
+        if self._relaxing:
+            self._answer(reason)
+
+    def _answer(self, reason: str) -> None:
         if not reason:
-            self._node.problem = ""
+            self._drive.problem = ""
         waiting, self._relaxing = self._relaxing, []
         for finished in waiting:
             finished.set_result(reason)
-
-    def end_routine(self, reason: str) -> None:
-        """Give a routine up; who waits for it is told the reason."""
-        if self._node.loop is not None:
-            self._node.loop.cancel_routine()
-        if self._relaxing:
-            self.finish_relaxing(reason)

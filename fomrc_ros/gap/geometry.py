@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
 from fomrc_core.errors import InputError, ParameterError
-from fomrc_ros.node.parameters import ParameterSpec
 
 MOTIONS = ("piston", "tip", "tilt")
 _WORST_CONDITION = 1e6
 
 Array = NDArray[np.float64]
-
-GEOMETRY_SPEC = ParameterSpec(
-    "geometry",
-    # Actuators on a circle of 10 mm radius, 120 degrees apart.
-    [1.0, 0.0, 0.010, 1.0, 0.00866, -0.005, 1.0, -0.00866, -0.005],
-    "3x3 matrix, row by row: displacement of each actuator [m] per piston [m], tip [rad], tilt [rad]",
-    unit="1, m, m",
-)
-AXES_SPEC = ParameterSpec("axes", ["axis1", "axis2", "axis3"], "namespaces of the three axes", is_read_only=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -17,15 +19,16 @@ from std_msgs.msg import Float64
 
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_ros.conversions import Float64Position, um_to_m
-from fomrc_ros.gap.geometry import AXES_SPEC, GEOMETRY_SPEC, MOTIONS, GapGeometry, motions_of
+from fomrc_ros.gap.axis_watch import AxisWatch
+from fomrc_ros.gap.geometry import MOTIONS, GapGeometry, motions_of
+from fomrc_ros.gap.parameters import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
+from fomrc_ros.parameter_names import is_name_of_package
 
-_RATE_SPEC = ParameterSpec(
-    "rate_hz", 100.0, "rate of the gap", unit="Hz", minimum=1.0, maximum=1000.0, is_read_only=True
-)
+Array = NDArray[np.float64]
 
 
 def _geometry(values: Mapping[str, Any]) -> GapGeometry:
@@ -34,13 +37,16 @@ def _geometry(values: Mapping[str, Any]) -> GapGeometry:
     return GapGeometry.from_list(values["geometry"])
 
 
-class _GapNode(Node):
+class _GapNode(Node):  # type: ignore[misc]  # rclpy has no types here
     def __init__(self, name: str, specs: tuple[ParameterSpec, ...]) -> None:
         super().__init__(name, allow_undeclared_parameters=True)
         self.stopped = Future()
-        self.parameters = NodeParameters(self, specs, _geometry, lambda geometry: None)
+        self.parameters = NodeParameters(self, specs, _geometry, lambda geometry: None, is_elsewhere=is_name_of_package)
         self.parameters.watch()
+        self.axes: list[str] = list(self.parameters.values["axes"])
         self.n_refused, self.last_refusal = 0, ""
+        self._n_refused_before = 0
+        self._watch = AxisWatch(self, self.axes)
         self._diagnostics = DiagnosticsPublisher(self, "gap", self._describe)
 
     def request_stop(self) -> None:
@@ -56,9 +62,16 @@ class _GapNode(Node):
 
     def _describe(self) -> Report:
         report = Report(values={"refused_messages": self.n_refused, "last_refusal": self.last_refusal})
-        if self.n_refused:
-            report.worsen(WARN, f"{self.n_refused} messages refused")
+        for problem in (*self.problems(), *self._watch.problems()):
+            report.worsen(WARN, problem)
+        if self.n_refused > self._n_refused_before:
+            report.worsen(WARN, f"{self.n_refused - self._n_refused_before} messages refused: {self.last_refusal}")
+        self._n_refused_before = self.n_refused
         return report
+
+    def problems(self) -> list[str]:
+        """Return what is wrong beside what the axes say, one line each."""
+        return []
 
 
 class GapCommand(_GapNode):
@@ -68,7 +81,7 @@ class GapCommand(_GapNode):
         super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC))
         self._axes = [
             self.create_publisher(Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable())
-            for axis in self.parameters.values["axes"]
+            for axis in self.axes
         ]
         self.create_subscription(JointState, "desired_gap", self._on_gap, COMMAND, qos_overriding_options=overridable())
 
@@ -86,9 +99,10 @@ class GapMonitor(_GapNode):
     """Subscribes ``displacement`` per axis, publishes ``gap`` (JointState: piston, tip, tilt)."""
 
     def __init__(self) -> None:
-        super().__init__("gap_monitor", (GEOMETRY_SPEC, AXES_SPEC, _RATE_SPEC))
+        super().__init__("gap_monitor", (GEOMETRY_SPEC, AXES_SPEC, RATE_SPEC, STALE_SPEC))
         self._displacements_m = np.full(3, np.nan)
-        for k, axis in enumerate(self.parameters.values["axes"]):
+        self._heard_at_s = np.full(3, -np.inf)
+        for k, axis in enumerate(self.axes):
             self.create_subscription(
                 Float64,
                 f"{axis}/displacement",
@@ -105,13 +119,27 @@ class GapMonitor(_GapNode):
         def on_displacement(message: Float64) -> None:
             try:
                 self._displacements_m[k] = um_to_m(interface.to_um(message))
+                self._heard_at_s[k] = time.monotonic()
             except FomrcError as error:
                 self.refuse(error)
 
         return on_displacement
 
+    def _ages_s(self) -> Array:
+        return np.asarray(time.monotonic() - self._heard_at_s)
+
+    def problems(self) -> list[str]:
+        """Return which axes give no displacement, one line each."""
+        stale_after_s = self.parameters.values["stale_after_s"]
+        return [
+            f"{axis}: stale, no displacement" + (f" for {age_s:.1f} s" if np.isfinite(age_s) else " yet")
+            for axis, age_s in zip(self.axes, self._ages_s(), strict=True)
+            if age_s > stale_after_s
+        ]
+
     def _tick(self) -> None:
-        if np.any(np.isnan(self._displacements_m)):
+        # A gap needs all three; what an axis was long ago is no measurement of now.
+        if np.any(self._ages_s() > self.parameters.values["stale_after_s"]):
             return
         motions = self.parameters.settings.motions(self._displacements_m)
         message = JointState(name=list(MOTIONS), position=motions.tolist())

@@ -1,35 +1,45 @@
-"""Live calibration: relax the stage, drive it, fit what it does, and put the model in force."""
+"""Live calibration: borrow the voltage, relax the stage, drive it, fit what it does, and put the model in force."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
+from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import FomrcError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records import excitation
+from fomrc_core.records.recording import Recording
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.identification import fit_work
-from fomrc_ros.identification.fit_work import FitAnswer, FitRequest
+from fomrc_ros.identification.compensator_client import CompensatorClient
+from fomrc_ros.identification.fit_work import CalibrationRequest, FitAnswer
+from fomrc_ros.identification.parameters import IdentificationSettings
 from fomrc_ros.identification.stage_drive import StageDrive
-from fomrc_ros.identification.worker_process import Progress
-from fomrc_ros.node.model_parameters import MODEL_SPECS, effect_spec, values_from_model
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.worker_process import Progress, WorkerRunner
 
-_ANSWER_TIMEOUT_S = 10.0
 _WATCH_PERIOD_S = 0.1
 _N_PARTS = 7
+_PUTTING_IN_FORCE = 6
 # Real time without a tick of the node's clock, after which a simulated clock counts as dead.
 _STANDSTILL_S = 5.0
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """One calibration: settings, limits that keep to the compensator's, middle and rate of its voltage."""
+
+    values: Mapping[str, Any]
+    limits: VoltageLimits
+    middle_v: float
+    period_s: float
+    in_force: PiezoModel | None
+    output_path: str
 
 
 class Calibration:
@@ -37,46 +47,52 @@ class Calibration:
 
     Args:
         node: the identification node.
-        work: does work in a process; a coroutine function.
+        values: its parameters.
+        work: does work in a process.
         tell: called where something new is being done.
     """
 
-    def __init__(self, node: Node, work: Callable[..., Any], tell: Callable[[], None]) -> None:
+    def __init__(self, node: Node, values: Mapping[str, Any], work: WorkerRunner, tell: Callable[[], None]) -> None:
         self._node, self._work, self._tell = node, work, tell
         self._reason = ""
-        self._settings: Any = None
+        self._is_leaving = False
         self._part = 0
         self._doing = ""
         self.is_running = False
-        values = node.parameters.values
-        self._drive = StageDrive(node, position_interface(values["interface"], values["joint_name"]), values["rate_hz"])
-        name = values["compensator"]
-        self._change_state = node.create_client(ChangeState, f"{name}/change_state")
-        self._get_state = node.create_client(GetState, f"{name}/get_state")
-        self._set_parameters = node.create_client(SetParametersAtomically, f"{name}/set_parameters_atomically")
-        self._assume_relaxed = node.create_client(Trigger, f"{name}/assume_relaxed")
-        self._waiting: list[tuple[Future, Future, int]] = []
-        self._n_looks = self._moved_at = self._n_done_before = 0
+        interface = position_interface(values["interface"], values["joint_name"])
+        self._drive = StageDrive(node, interface, values["rate_hz"], values["compensator"])
+        self._compensator = CompensatorClient(node, values["compensator"])
+        self._standstill_looks = self._n_done_before = 0
         node.create_timer(_WATCH_PERIOD_S, self._watch, clock=steady_clock())
-
-    @property
-    def is_driving(self) -> bool:
-        """Whether the stage is being driven."""
-        return self.is_running
 
     @property
     def progress(self) -> Progress:
         """How far the calibration is."""
-        within = self._drive.n_done / self._drive.n_total if self._drive.is_driving else 0.0
+        within = self._drive.n_done / max(self._drive.n_total, 1) if self._drive.is_driving else 0.0
         return Progress(min((self._part + within) / _N_PARTS, 1.0), self._doing)
 
-    def cancel(self, reason: str) -> None:
-        """Give up: the stage is brought to safety and the old model goes on."""
-        if self.is_running and not self._reason:
-            self._reason = reason
-            self._drive.stop(reason)
+    def close(self) -> None:
+        """Listen to the stage no more."""
+        self._drive.close()
 
-    async def run(self, settings: Any, output_path: str) -> FitAnswer:
+    def cancel(self, reason: str, *, is_leaving: bool = False) -> bool:
+        """Give up: the stage is brought to safety and the old model goes on; return whether it is not too late.
+
+        Args:
+            reason: what whoever waits for the calibration is told.
+            is_leaving: whether the node is about to end, so that nothing is driven but the way to safety.
+        """
+        if not self.is_running:
+            return False
+        self._is_leaving = self._is_leaving or is_leaving
+        is_in_time = self._part < _PUTTING_IN_FORCE
+        if is_in_time and not self._reason:
+            self._reason = reason
+        if is_in_time or is_leaving:
+            self._drive.stop(reason)
+        return is_in_time
+
+    async def run(self, settings: IdentificationSettings, output_path: str) -> FitAnswer:
         """Calibrate; return the fit that is in force now.
 
         Args:
@@ -86,153 +102,120 @@ class Calibration:
         Raises:
             FomrcError: why there is no new model; the old one is active again.
         """
-        self.is_running, self._reason, self._settings = True, "", settings
-        self._part = 0
-        was_active = has_driven = False
+        self.is_running, self._reason, self._is_leaving = True, "", False
         try:
-            self._drive.listen()
             self._say(0, "asking the compensator")
-            was_active = await self._is_active()
-            if was_active:
-                await self._transition(Transition.TRANSITION_DEACTIVATE)
-            has_driven = True
-            recording = await self._measure()
-            self._say(5, "fitting")
-            self._go_on()
-            answer = await self._work(
-                fit_work.fit,
-                FitRequest((recording,), settings.values["n_elements"], settings.values["method"], output_path),
-            )
-            self._go_on()
-            self._say(6, "putting the model in force")
-            await self._apply(answer)
-            return answer
+            self._compensator.timeout_s = settings.values["service_timeout_s"]
+            plan = await self._planned(settings, output_path)
+            await self._compensator.trigger("borrow_voltage")
+            self._drive.begin()
+            try:
+                return await self._with_borrowed_voltage(plan)
+            finally:
+                await self._bring_back(plan)
         except FomrcError as error:
             raise FomrcError(f"{error}; the old model goes on") from None
         finally:
-            try:
-                await self._bring_back(was_active, has_driven)
-            finally:
-                self.is_running = False
+            self._drive.end()
+            self.is_running = False
 
-    async def _measure(self) -> Any:
-        values, limits = self._settings.values, self._settings.limits
-        rate_hz = values["rate_hz"]
-        amplitude, middle = values["calibrate_amplitude_v"], self._middle_v()
-        self._say(1, "relaxing")
-        await self._drive_all([middle], is_ramp=True)
-        await self._drive_all(self._relaxation())
-        triangle = excitation.triangle(amplitude, slope_v_per_s=values["calibrate_slope_v_per_s"], rate_hz=rate_hz)
-        staircase = excitation.staircase(
-            amplitude, step_v=values["calibrate_step_v"], dwell_s=values["calibrate_dwell_s"], rate_hz=rate_hz
-        )
-        self._say(2, "driving triangle and staircase")
-        plan = middle + np.concatenate((triangle.voltage_v, staircase.voltage_v))
-        reason = await self._drive.drive(
-            plan.tolist(), limits, records=True, displacement_timeout_s=values["displacement_timeout_s"]
-        )
-        if reason:
-            raise FomrcError(reason)
-        return self._drive.recording("calibration")
-
-    def _middle_v(self) -> float:
-        limits = self._settings.limits
-        amplitude = self._settings.values["calibrate_amplitude_v"]
+    async def _planned(self, settings: IdentificationSettings, output_path: str) -> _Plan:
+        """Return what is to be done; everything that can be refused is, before anything is driven."""
+        fit_work.check_output(output_path)
+        told = await self._compensator.parameters()
+        limits = settings.limits.narrowed(VoltageLimits.from_values(told))
+        amplitude_v = settings.values["calibrate_amplitude_v"]
         # Around zero where the limits allow, else as near to it as they do.
-        low, high = limits.minimum_v + amplitude, limits.maximum_v - amplitude
+        low, high = limits.minimum_v + amplitude_v, limits.maximum_v - amplitude_v
         if low > high:
             raise FomrcError(
-                f"calibrate_amplitude_v {amplitude:g} V does not fit between the voltage limits "
-                f"{limits.minimum_v:g} and {limits.maximum_v:g} V"
+                f"calibrate_amplitude_v {amplitude_v:g} V does not fit between the voltage limits "
+                f"{limits.minimum_v:g} and {limits.maximum_v:g} V, the narrower of the compensator's and this node's"
             )
-        return min(max(0.0, low), high)
+        in_force = self._compensator.model(told)
+        period_s = 1.0 / told["rate_hz"]
+        return _Plan(settings.values, limits, min(max(0.0, low), high), period_s, in_force, output_path)
 
-    def _relaxation(self) -> list[float]:
-        values = self._settings.values
-        routine = excitation.relaxation(
-            values["calibrate_amplitude_v"],
-            duration_s=values["relax_duration_s"],
-            frequency_hz=values["relax_frequency_hz"],
-            rate_hz=values["rate_hz"],
-        )
-        voltages: list[float] = (self._middle_v() + routine.voltage_v).tolist()
-        return voltages
-
-    async def _drive_all(self, voltages_v: list[float], *, is_ramp: bool = False) -> None:
+    async def _with_borrowed_voltage(self, plan: _Plan) -> FitAnswer:
+        recording = await self._measure(plan)
+        self._say(5, "fitting")
         self._go_on()
-        limits = self._settings.limits
+        values = plan.values
+        answer: FitAnswer = await self._work.run(
+            fit_work.calibrate,
+            CalibrationRequest(recording, values["n_elements"], values["method"], plan.output_path, plan.in_force),
+        )
+        self._go_on()
+        self._say(_PUTTING_IN_FORCE, "putting the model in force")
+        await self._compensator.set_model(PiezoModel.from_mapping(answer.model_mapping), answer.rms_um)
+        return answer
+
+    async def _measure(self, plan: _Plan) -> Recording:
+        values, rate_hz = plan.values, plan.values["rate_hz"]
+        amplitude_v = values["calibrate_amplitude_v"]
+        self._say(1, "relaxing")
+        await self._drive_all([plan.middle_v], plan, is_ramp=True)
+        await self._drive_all(self._relaxation(plan), plan)
+        triangle = excitation.triangle(amplitude_v, slope_v_per_s=values["calibrate_slope_v_per_s"], rate_hz=rate_hz)
+        staircase = excitation.staircase(
+            amplitude_v, step_v=values["calibrate_step_v"], dwell_s=values["calibrate_dwell_s"], rate_hz=rate_hz
+        )
+        self._say(2, "driving triangle and staircase")
+        voltages_v = plan.middle_v + np.concatenate((triangle.voltage_v, staircase.voltage_v))
+        await self._drive_all(voltages_v.tolist(), plan, records=True)
+        return self._drive.recording("calibration", plan.period_s)
+
+    @staticmethod
+    def _relaxation(plan: _Plan) -> list[float]:
+        routine = excitation.relaxation(
+            plan.values["calibrate_amplitude_v"],
+            duration_s=plan.values["relax_duration_s"],
+            frequency_hz=plan.values["relax_frequency_hz"],
+            rate_hz=plan.values["rate_hz"],
+        )
+        voltages_v: list[float] = (plan.middle_v + routine.voltage_v).tolist()
+        return voltages_v
+
+    async def _drive_all(
+        self, voltages_v: list[float], plan: _Plan, *, is_ramp: bool = False, records: bool = False
+    ) -> None:
+        self._go_on()
         if is_ramp:
-            reason = await self._drive.drive_to(voltages_v[0], limits)
+            reason = await self._drive.drive_to(voltages_v[0], plan.limits)
         else:
-            reason = await self._drive.drive(voltages_v, limits)
+            timeout_s = plan.values["displacement_timeout_s"] if records else 0.0
+            reason = await self._drive.drive(voltages_v, plan.limits, records=records, timeout_s=timeout_s)
         if reason:
             raise FomrcError(reason)
 
-    async def _bring_back(self, was_active: bool, has_driven: bool) -> None:
-        # Whatever has happened: the voltage to safety, the actuator relaxed, the compensator as it was.
-        if has_driven:
-            limits = self._settings.limits
-            is_leaving = self._node.stopped.done() or self._reason.startswith("the node is shutting down")
-            if not is_leaving:
-                self._doing = "relaxing"
-                await self._drive.drive_to(self._middle_v(), limits)
-                await self._drive.drive(self._relaxation(), limits)
-            self._doing = "bringing the voltage to safety"
-            await self._drive.drive_to(limits.safe_v, limits)
-            await self._ask(self._assume_relaxed, Trigger.Request())
-        if was_active:
-            await self._transition(Transition.TRANSITION_ACTIVATE)
-
-    async def _apply(self, answer: FitAnswer) -> None:
-        values = values_from_model(PiezoModel.from_mapping(answer.model_mapping))
-        values["model.fit_rms_um"] = answer.rms_um
-        kinds = {spec.name: spec.kind for spec in MODEL_SPECS}
-        request = SetParametersAtomically.Request()
-        for name, value in values.items():
-            spec = effect_spec(name)
-            kind = kinds.get(name, spec.kind if spec else None)
-            request.parameters.append(Parameter(name, kind, value).to_parameter_msg())
-        response = await self._ask(self._set_parameters, request)
-        if not response.result.successful:
-            raise FomrcError(f"the compensator refused the model: {response.result.reason}")
-
-    async def _is_active(self) -> bool:
-        response = await self._ask(self._get_state, GetState.Request())
-        return bool(response.current_state.id == State.PRIMARY_STATE_ACTIVE)
-
-    async def _transition(self, transition: int) -> None:
-        request = ChangeState.Request()
-        request.transition.id = transition
-        response = await self._ask(self._change_state, request)
-        if not response.success:
-            raise FomrcError("the compensator did not change its state")
-
-    async def _ask(self, client: Any, request: Any) -> Any:
-        if not client.service_is_ready():
-            raise FomrcError(f"no service {client.srv_name}: does the compensator run?")
-        answer = client.call_async(request)
-        finished = Future(executor=self._node.executor)
-        self._waiting.append((answer, finished, self._n_looks + int(_ANSWER_TIMEOUT_S / _WATCH_PERIOD_S)))
-        response = await finished
-        if response is None:
-            client.remove_pending_request(answer)
-            raise FomrcError(f"no answer from {client.srv_name} within {_ANSWER_TIMEOUT_S:g} s")
-        return response
+    async def _bring_back(self, plan: _Plan) -> None:
+        # Whatever has happened: the actuator relaxed where there is time, the voltage to safety, and returned.
+        # Each is tried whatever became of the one before.
+        is_relaxed = False
+        if not self._is_leaving:
+            self._doing = "relaxing"
+            reasons = [
+                await self._drive.drive_to(plan.middle_v, plan.limits),
+                await self._drive.drive(self._relaxation(plan), plan.limits),
+            ]
+            is_relaxed = not any(reasons)
+        self._doing = "bringing the voltage to safety"
+        await self._drive.drive_to(plan.limits.safe_v, plan.limits)
+        try:
+            # Relaxed about another voltage than zero it is not what the model calls relaxed.
+            if is_relaxed and plan.middle_v == 0.0:
+                await self._compensator.trigger("assume_relaxed")
+        finally:
+            self._drive.end()
+            await self._compensator.trigger("return_voltage")
 
     def _watch(self) -> None:
-        self._n_looks += 1
-        for entry in list(self._waiting):
-            answer, finished, due = entry
-            if answer.done() or self._n_looks >= due:
-                self._waiting.remove(entry)
-                finished.set_result(answer.result() if answer.done() else None)
-        if self._drive.is_driving:
-            if self._drive.n_done != self._n_done_before:
-                self._n_done_before, self._moved_at = self._drive.n_done, self._n_looks
-            elif self._n_looks - self._moved_at > _STANDSTILL_S / _WATCH_PERIOD_S:
-                self._drive.stop(f"the clock stood still for {_STANDSTILL_S:g} s")
-        else:
-            self._moved_at = self._n_looks
+        if not self._drive.is_driving or self._drive.n_done != self._n_done_before:
+            self._n_done_before, self._standstill_looks = self._drive.n_done, 0
+            return
+        self._standstill_looks += 1
+        if self._standstill_looks > _STANDSTILL_S / _WATCH_PERIOD_S:
+            self._drive.stop(f"the clock stood still for {_STANDSTILL_S:g} s")
 
     def _go_on(self) -> None:
         if self._reason:

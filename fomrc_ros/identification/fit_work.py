@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from fomrc_core.errors import FomrcError, StorageError
+from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
+
+if TYPE_CHECKING:  # the fits take seconds to import, and only the process that does the work needs them
+    from fomrc_core.identification.convex import Fit
 
 Tell = Callable[[float, str], None]
 
@@ -46,6 +52,25 @@ class FitRequest:
     n_elements: int
     method: str
     output_path: str
+
+
+@dataclass(frozen=True)
+class CalibrationRequest:
+    """A fit to a stage just driven, to be put in force if it passes the gate.
+
+    Args:
+        recording: what was driven and measured.
+        n_elements: number of elements, 0 for as many as the data support.
+        method: convex or paper.
+        output_path: model file to write.
+        in_force: the model it is to take the place of, None where there is none.
+    """
+
+    recording: Recording
+    n_elements: int
+    method: str
+    output_path: str
+    in_force: PiezoModel | None
 
 
 @dataclass(frozen=True)
@@ -107,6 +132,49 @@ def fit(request: FitRequest, tell: Tell) -> FitAnswer:
     )
     path = Path(request.output_path)
     write_model(found.model, path, found.rms_um)
+    return _answer(found, path)
+
+
+def calibrate(request: CalibrationRequest, tell: Tell) -> FitAnswer:
+    """Fit the recording of a calibration; write the model file where the model passes the gate.
+
+    Raises:
+        FomrcError: the record teaches nothing, or the model does not pass; the record is kept beside the model file.
+    """
+    from fomrc_core.control.model_gate import fewer_elements, why_refused
+    from fomrc_core.identification.convex import identify
+    from fomrc_core.storage import write_model, write_recording
+
+    path = Path(request.output_path)
+    kept = path.with_name(f"{path.stem}.refused_record.csv")
+    try:
+        found = identify(
+            [request.recording], n_elements=request.n_elements or "auto", method=request.method, progress=tell
+        )
+        if found.undetermined_elements:
+            # More elements than the drive tells apart: those it does are a model of the same stage.
+            n_elements = fewer_elements(found.model.n_elements, found.undetermined_elements)
+            found = identify([request.recording], n_elements=n_elements, method=request.method, progress=tell)
+        reason = why_refused(found.model, request.recording, in_force=request.in_force)
+    except FomrcError as error:
+        reason = str(error)
+    if reason:
+        write_recording(request.recording, kept)
+        raise FomrcError(f"the calibrated model was refused: {reason}; its record is kept in {kept}")
+    write_model(found.model, path, found.rms_um)
+    return _answer(found, path)
+
+
+def check_output(path: str) -> None:
+    """Raise StorageError where a model file could not be written, before anything is driven for it."""
+    folder = Path(path).parent
+    if Path(path).is_dir():
+        raise StorageError("is a folder", where="output_file", value=path, allowed="a file name")
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise StorageError("cannot be written", where="output_file", value=path, allowed="a folder that is there")
+
+
+def _answer(found: Fit, path: Path) -> FitAnswer:
     return FitAnswer(
         path.read_text(encoding="utf-8"),
         found.model.to_mapping(),

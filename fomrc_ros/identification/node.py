@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
@@ -11,51 +10,38 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import FomrcError, InputError
 from fomrc_ros.identification import fit_work
 from fomrc_ros.identification.calibration import Calibration
 from fomrc_ros.identification.fit_work import DiagnosisRequest, FitAnswer, FitRequest, RecordingFiles
-from fomrc_ros.identification.parameters import identification_specs
-from fomrc_ros.identification.worker_process import Outcome, WorkerProcess
-from fomrc_ros.node.diagnostics import OK, WARN, DiagnosticsPublisher, Report
+from fomrc_ros.identification.parameters import build_settings, identification_specs
+from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
-from fomrc_ros.node.runtime import run, steady_clock
+from fomrc_ros.node.runtime import run
+from fomrc_ros.node.worker_process import WorkerRunner
+from fomrc_ros.parameter_names import is_name_of_package
 
-_POLL_PERIOD_S = 0.05
 _CANCELLED = "cancelled"
 
 
-@dataclass(frozen=True)
-class IdentificationSettings:
-    """The parameter values, checked as a whole."""
-
-    values: Mapping[str, Any]
-    limits: VoltageLimits
-
-
-def build_settings(values: Mapping[str, Any]) -> IdentificationSettings:
-    """Return the settings; raises ParameterError where values do not fit together."""
-    return IdentificationSettings(dict(values), VoltageLimits.from_values(values))
-
-
-class IdentificationNode(Node):
+class IdentificationNode(Node):  # type: ignore[misc]  # rclpy has no types here
     """Services ``~/identify``, ``~/diagnose``, ``~/calibrate`` and ``~/cancel``; publishes ``~/model``."""
 
     def __init__(self) -> None:
         super().__init__("identification", allow_undeclared_parameters=True)
         self.stopped = Future()
-        self.parameters = NodeParameters(self, identification_specs(), build_settings, lambda settings: None)
+        self.parameters = NodeParameters(
+            self, identification_specs(), build_settings, lambda settings: None, is_elsewhere=is_name_of_package
+        )
         self.parameters.watch()
         self._activity = ""
         self._last = "nothing yet"
         self._last_fit: FitAnswer | None = None
         self._is_last_good = True
-        self._worker: WorkerProcess | None = None
-        self._finished: Future | None = None
-        self._calibration = Calibration(self, self._work, lambda: self._diagnostics.publish())
+        self._work = WorkerRunner(self)
+        self._calibration = Calibration(self, self.parameters.values, self._work, lambda: self._diagnostics.publish())
         self._publisher = self.create_publisher(String, "~/model", LATCHED, qos_overriding_options=overridable())
         for name, job in (
             ("identify", self._identify),
@@ -64,16 +50,19 @@ class IdentificationNode(Node):
         ):
             self.create_service(Trigger, f"~/{name}", self._serving(name, job))
         self.create_service(Trigger, "~/cancel", self._on_cancel)
-        self.create_timer(_POLL_PERIOD_S, self._poll, clock=steady_clock())
         self._diagnostics = DiagnosticsPublisher(self, self.parameters.values["joint_name"], self._describe)
 
     def request_stop(self) -> None:
         """End what runs, bring a stage that is being driven to safety, then end."""
         if self.stopped.done():
             return
-        self._cancel("the node is shutting down")
-        if not self._calibration.is_driving:
+        self._cancel("the node is shutting down", is_leaving=True)
+        if not self._calibration.is_running:
             self.stopped.set_result(None)
+
+    def close(self) -> None:
+        """End what lies beside the node."""
+        self._calibration.close()
 
     # work
 
@@ -102,7 +91,7 @@ class IdentificationNode(Node):
 
     async def _identify(self) -> str:
         values = self.parameters.values
-        answer = await self._work(
+        answer = await self._work.run(
             fit_work.fit,
             FitRequest(self._files(), values["n_elements"], values["method"], self._path("output_file")),
         )
@@ -113,7 +102,7 @@ class IdentificationNode(Node):
         values = self.parameters.values
         model_path = self._path("model_file") if values["model_file"] else ""
         folder = self._path("output_folder")
-        found = await self._work(fit_work.diagnose, DiagnosisRequest(self._files(), model_path, folder))
+        found = await self._work.run(fit_work.diagnose, DiagnosisRequest(self._files(), model_path, folder))
         return f"found {found}; written to {folder}"
 
     async def _calibrate(self) -> str:
@@ -121,33 +110,19 @@ class IdentificationNode(Node):
         self.publish_model(answer)
         return self.summary(answer, self._path("output_file")) + "; in force"
 
-    async def _work(self, work: Callable[..., Any], request: Any) -> Any:
-        """Do the work in a process; raises FomrcError with the reason where it has no result."""
-        self._finished = Future(executor=self.executor)
-        self._worker = WorkerProcess(work, request)
-        outcome: Outcome = await self._finished
-        self._worker, self._finished = None, None
-        if outcome.reason:
-            raise FomrcError(outcome.reason)
-        return outcome.result
-
-    def _poll(self) -> None:
-        if self._worker is not None and self._finished is not None and not self._finished.done():
-            outcome = self._worker.poll()
-            if outcome is not None:
-                self._finished.set_result(outcome)
-
-    def _cancel(self, reason: str) -> None:
-        self._calibration.cancel(reason)
-        if self._worker is not None:
-            self._worker.cancel(reason)
-            if self._finished is not None and not self._finished.done():
-                self._finished.set_result(self._worker.outcome)
+    def _cancel(self, reason: str, *, is_leaving: bool = False) -> bool:
+        is_in_time = self._calibration.cancel(reason, is_leaving=is_leaving) or not self._calibration.is_running
+        if is_in_time or is_leaving:
+            self._work.cancel(reason)
+        return is_in_time
 
     def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = bool(self._activity)
-        response.message = f"cancelling {self._activity}" if self._activity else "nothing runs"
-        self._cancel(_CANCELLED)
+        if not self._activity:
+            response.success, response.message = False, "nothing runs"
+        elif self._cancel(_CANCELLED):
+            response.success, response.message = True, f"cancelling {self._activity}"
+        else:
+            response.success, response.message = False, f"too late: the model of this {self._activity} goes in force"
         return response
 
     # results
@@ -183,8 +158,8 @@ class IdentificationNode(Node):
         if self._activity:
             report.values["activity"] = self._activity
         progress = self._calibration.progress if self._calibration.is_running else None
-        if progress is None and self._worker is not None:
-            progress = self._worker.progress
+        if progress is None:
+            progress = self._work.progress
         if progress is not None:
             report.values["progress_percent"] = 100.0 * progress.fraction
             report.values["doing"] = progress.message
@@ -192,7 +167,7 @@ class IdentificationNode(Node):
         if self._last_fit is not None:
             report.values["fit_rms_nm"] = 1e3 * self._last_fit.rms_um
             report.values["fit_nrmse_percent"] = self._last_fit.nrmse_percent
-        if not self._is_last_good and report.level == OK:
+        if not self._is_last_good and not self._activity:
             report.worsen(WARN, self._last)
         return report
 

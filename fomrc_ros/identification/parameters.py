@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import Kind, ParameterSpec
@@ -27,9 +32,7 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
             minimum=0.0,
             maximum=1e7,
         ),
-        ParameterSpec(
-            "n_elements", 10, "number of elements, 0 for as many as the data support", minimum=0, maximum=200
-        ),
+        ParameterSpec("n_elements", 10, "number of elements, 0 for as many as the data support", minimum=0, maximum=60),
         ParameterSpec("method", "convex", "how to fit", choices=METHODS),
         ParameterSpec("output_file", "identified_model.yaml", "model file to write"),
         ParameterSpec("output_folder", "diagnosis", "folder the diagnosis is written to"),
@@ -97,9 +100,30 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
         ParameterSpec(
             "displacement_timeout_s",
             2.0,
-            "a calibration fails where no displacement comes for this long",
+            "a calibration fails where no displacement comes, or the compensator does not follow, for this long",
             unit="s",
             minimum=0.05,
             maximum=60.0,
         ),
+        ParameterSpec(
+            "service_timeout_s",
+            30.0,
+            "how long the compensator's services may take to appear, and then to answer",
+            unit="s",
+            minimum=0.1,
+            maximum=3600.0,
+        ),
     )
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """The parameter values, checked as a whole."""
+
+    values: Mapping[str, Any]
+    limits: VoltageLimits
+
+
+def build_settings(values: Mapping[str, Any]) -> IdentificationSettings:
+    """Return the settings; raises ParameterError where values do not fit together."""
+    return IdentificationSettings(dict(values), VoltageLimits.from_values(values))

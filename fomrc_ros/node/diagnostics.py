@@ -40,18 +40,21 @@ class DiagnosticsPublisher:
 
     Args:
         node: the node.
-        hardware_id: what the node drives.
+        hardware_id: what the node drives; its namespace is put before it, so that each axis has its own.
         describe: makes the report, called once a second.
     """
 
     def __init__(self, node: Node, hardware_id: str, describe: Callable[[], Report]) -> None:
-        self._node, self._hardware_id, self._describe = node, hardware_id, describe
+        self._node, self._describe = node, describe
+        self._hardware_id = "/".join(filter(None, (node.get_namespace().strip("/"), hardware_id)))
+        self._node_time_ns = node.get_clock().now().nanoseconds
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD_S, self.publish, clock=steady_clock())
 
     def publish(self) -> None:
         """Publish the report now."""
         report = self._describe()
+        self._look_at_clock(report)
         status = DiagnosticStatus(
             level=report.level,
             name=self._node.get_fully_qualified_name().lstrip("/"),
@@ -62,6 +65,12 @@ class DiagnosticsPublisher:
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _look_at_clock(self, report: Report) -> None:
+        before_ns, self._node_time_ns = self._node_time_ns, self._node.get_clock().now().nanoseconds
+        if self._node.get_parameter("use_sim_time").value and self._node_time_ns == before_ns:
+            said = "no /clock" if self._node_time_ns == 0 else "/clock stands still"
+            report.worsen(WARN, f"{said}: use_sim_time is set, and nothing moves without it")
 
 
 def shown(value: object) -> str:

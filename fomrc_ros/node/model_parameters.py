@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fomrc_core.control.plausible_model import check_plausible
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
@@ -105,7 +106,17 @@ def model_from_values(values: Mapping[str, Any]) -> PiezoModel | None:
     for effect_name in effects:
         start = f"{PREFIX}{effect_name}."
         mapping[effect_name] = {name[len(start) :]: value for name, value in values.items() if name.startswith(start)}
-    return PiezoModel.from_mapping(mapping, where="model")
+    model = PiezoModel.from_mapping(mapping, where="model")
+    check_plausible(model)
+    return model
+
+
+def as_replacement(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a file with what a whole model in it leaves out: its effects are none, not the old ones."""
+    if not {"model.kappa_um_per_v", "model.saturation_v"} <= set(values):
+        return dict(values)
+    left_out = {spec.name: spec.default for spec in MODEL_SPECS if spec.default is not None}
+    return left_out | dict(values)
 
 
 def values_from_model(model: PiezoModel) -> dict[str, Any]:

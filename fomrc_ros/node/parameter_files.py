@@ -22,13 +22,14 @@ def default_folders() -> list[str]:
     return [os.getcwd(), str(Path.home() / ".ros")]
 
 
-def confined_path(path: str, folders: Sequence[str], where: str) -> Path:
+def confined_path(path: str, folders: Sequence[str], where: str, *, also: Sequence[Path] = ()) -> Path:
     """Return the path, links resolved, where it lies in one of the folders.
 
     Args:
         path: absolute, or relative to the first folder.
         folders: folders that may be used.
         where: parameter that named the path, for the message.
+        also: files that may be used wherever they lie.
 
     Raises:
         StorageError: empty path, or outside of the folders.
@@ -42,7 +43,7 @@ def confined_path(path: str, folders: Sequence[str], where: str) -> Path:
         resolved = (roots[0] / Path(path).expanduser()).resolve()
     except (OSError, RuntimeError) as error:
         raise StorageError(f"path cannot be used: {error}", where=where, value=path) from None
-    if not any(resolved.is_relative_to(root) for root in roots):
+    if resolved not in also and not any(resolved.is_relative_to(root) for root in roots):
         raise StorageError(
             "file lies outside of the allowed folders",
             where=where,
@@ -92,13 +93,16 @@ def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
     return found
 
 
+def given_at_start() -> list[Path]:
+    """Return the parameter files this process was started with, links resolved: who started it has allowed them."""
+    following = zip(sys.argv, sys.argv[1:], strict=False)
+    return [Path(file).resolve() for option, file in following if option == "--params-file"]
+
+
 def started_with() -> str:
     """Return the first parameter file this process was started with, "" where there was none."""
-    arguments = sys.argv
-    for k, argument in enumerate(arguments[:-1]):
-        if argument == "--params-file":
-            return os.path.abspath(arguments[k + 1])
-    return ""
+    files = given_at_start()
+    return str(files[0]) if files else ""
 
 
 def _names_node(key: str, node_name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ _ELEMENT_KINDS = {
     Kind.STRING_ARRAY: Kind.STRING,
     Kind.INTEGER_ARRAY: Kind.INTEGER,
 }
+_OF_CLIENT_LIBRARY = ("use_sim_time", "start_type_description_service")
 # A list longer than this is a mistake or an attack, never a piezo model.
 _LONGEST_LIST = 4096
 _LONGEST_STRING = 4096
@@ -153,6 +155,7 @@ class NodeParameters:
         find_spec: gives the specification of a name not in ``specs`` (an effect's parameter), or None.
         more_names: further parameters that the values given at start call for, e.g. those of the effects a
             model names.
+        is_elsewhere: whether a name is that of another node that may share the file; such are passed over.
 
     Raises:
         FomrcError: the values the node was started with are not acceptable.
@@ -166,8 +169,10 @@ class NodeParameters:
         apply: Callable[[Any], None],
         find_spec: Callable[[str], ParameterSpec | None] = lambda name: None,
         more_names: Callable[[Mapping[str, Any]], Sequence[str]] = lambda values: (),
+        is_elsewhere: Callable[[str], bool] = lambda name: False,
     ) -> None:
         self._node, self._build, self._apply, self._find_spec = node, build, apply, find_spec
+        self._is_elsewhere = is_elsewhere
         self._specs = {spec.name: spec for spec in specs}
         self.values: dict[str, Any] = {}
         self._candidate: tuple[dict[str, Any], Any] | None = None
@@ -178,6 +183,9 @@ class NodeParameters:
             if more is not None and name not in self._specs:
                 self._specs[name] = more
                 self._declare(more)
+        for name in given_names(node):
+            if self.spec(name) is None and not self._is_foreign(name):
+                raise self._unknown(name)
         self.settings = build(self.values)
 
     def watch(self) -> None:
@@ -200,8 +208,8 @@ class NodeParameters:
         for name, value in values.items():
             spec = self.spec(name)
             if spec is None:
-                if name == "use_sim_time" or name.startswith("qos_overrides."):
-                    continue  # fixed at start, belong to the client library
+                if self._is_foreign(name):
+                    continue
                 raise self._unknown(name)
             value = spec.coerced(value)
             if spec.is_read_only:
@@ -225,14 +233,20 @@ class NodeParameters:
         probe = self._node.declare_parameter(spec.name, None, ParameterDescriptor(dynamic_typing=True))
         given = probe.value if probe.type_ is not Kind.NOT_SET else spec.default
         self._node.undeclare_parameter(spec.name)
+        if given is None and spec.kind in _ELEMENT_KINDS:
+            given = []
         if given is None:
             self._node.declare_parameter(spec.name, spec.kind, spec.descriptor(), ignore_override=True)
             return
         value = spec.coerced(given)
         self.values[spec.name] = value
-        # The type is given beside the value because an empty list has none of its own.
         if isinstance(value, list) and not value:
-            self._node.declare_parameter(spec.name, spec.kind, spec.descriptor(), ignore_override=True)
+            # An empty list has no type of its own, and declared by type alone it would have no value to be dumped.
+            self._node.declare_parameter(spec.name, spec.kind, ignore_override=True)
+            self._node.set_parameters([Parameter(spec.name, spec.kind, value)])
+            descriptor = spec.descriptor()
+            descriptor.type = spec.kind.value
+            self._node.set_descriptor(spec.name, descriptor)
         else:
             self._node.declare_parameter(spec.name, value, spec.descriptor(), ignore_override=True)
 
@@ -253,7 +267,7 @@ class NodeParameters:
             values = dict(self.values)
             is_ours = False
             for parameter in parameters:
-                if parameter.name == "use_sim_time" or parameter.name.startswith("qos_overrides."):
+                if _is_of_client_library(parameter.name):
                     continue
                 spec = self.spec(parameter.name)
                 if spec is None:
@@ -286,8 +300,25 @@ class NodeParameters:
                 self._node.set_descriptor(parameter.name, descriptor)
         self._apply(self.settings)
 
+    def _is_foreign(self, name: str) -> bool:
+        return _is_of_client_library(name) or self._is_elsewhere(name)
+
     def _unknown(self, name: str) -> ParameterError:
-        return ParameterError("no such parameter", where=name[:200], allowed=", ".join(sorted(self._specs)))
+        near = difflib.get_close_matches(name[:200], self._specs, n=1)
+        meant = f", did you mean {near[0]}?" if near else ""
+        return ParameterError(f"no such parameter{meant}", where=name[:200], allowed=", ".join(sorted(self._specs)))
+
+
+def _is_of_client_library(name: str) -> bool:
+    # Fixed at start by whoever starts the node.
+    return name in _OF_CLIENT_LIBRARY or name.startswith("qos_overrides.")
+
+
+def given_names(node: Node) -> list[str]:
+    """Return the names of all parameters a node was given at start, known or not."""
+    # The client library keeps to itself what nobody has declared; it has no public way to ask.
+    overrides: Mapping[str, Any] = node._parameter_overrides
+    return list(overrides)
 
 
 def value_or_none(node: Node, name: str) -> Any:

@@ -15,39 +15,14 @@ from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import InputError, ParameterError
 from fomrc_core.plants import electromechanical
-from fomrc_ros.conversions import INTERFACES, m_to_um, position_interface, voltage_from_message
+from fomrc_ros.conversions import m_to_um, position_interface, voltage_from_message
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
-from fomrc_ros.node.model_parameters import MODEL_SPECS, effect_spec, model_from_values, parameters_of_effects
-from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
+from fomrc_ros.node.model_parameters import effect_spec, model_from_values, parameters_of_effects
+from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
-
-PLANTS = ("electromechanical", "fomrc")
-
-SPECS = (
-    ParameterSpec(
-        "rate_hz",
-        1000.0,
-        "rate of the plant's steps and of displacement",
-        unit="Hz",
-        minimum=1.0,
-        maximum=5000.0,
-        is_read_only=True,
-    ),
-    ParameterSpec(
-        "plant",
-        "electromechanical",
-        "what is simulated: the circuit and mechanics of (3)-(10), or the model in the parameters model.*",
-        choices=PLANTS,
-        is_read_only=True,
-    ),
-    ParameterSpec("noise_rms_m", 1e-9, "rms of the sensor noise", unit="m", minimum=0.0, maximum=1e-3),
-    ParameterSpec("quantization_m", 0.0, "step of the sensor, 0 for none", unit="m", minimum=0.0, maximum=1e-3),
-    ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, is_read_only=True),
-    ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
-    ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
-    *MODEL_SPECS,
-)
+from fomrc_ros.parameter_names import is_name_of_package
+from fomrc_ros.simulated_stage.parameters import SPECS
 
 
 class Plant(Protocol):
@@ -69,14 +44,16 @@ class StageSettings:
     quantization_um: float
 
 
-class SimulatedPea(Node):
+class SimulatedPea(Node):  # type: ignore[misc]  # rclpy has no types here
     """Subscribes ``voltage`` (std_msgs/Float64, V), publishes ``displacement`` (m) at ``rate_hz``."""
 
     def __init__(self) -> None:
         super().__init__("simulated_pea", allow_undeclared_parameters=True)
         self.stopped = Future()
         self._plant: Plant | None = None
-        self.parameters = NodeParameters(self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects)
+        self.parameters = NodeParameters(
+            self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects, is_name_of_package
+        )
         values = self.parameters.values
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])

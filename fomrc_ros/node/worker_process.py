@@ -10,10 +10,15 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
+from rclpy.node import Node
+from rclpy.task import Future
+
 from fomrc_core.errors import FomrcError
+from fomrc_ros.node.runtime import steady_clock
 
 Work = Callable[[Any, Callable[[float, str], None]], Any]
 _END_WAIT_S = 2.0
+_POLL_PERIOD_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,60 @@ class WorkerProcess:
                 self._process.kill()
         with contextlib.suppress(OSError):
             self._receiver.close()
+
+
+class WorkerRunner:
+    """Runs work for a node, one piece at a time, while the node goes on.
+
+    Args:
+        node: the node whose executor waits for the work.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._worker: WorkerProcess | None = None
+        self._finished: Future | None = None
+        node.create_timer(_POLL_PERIOD_S, self._poll, clock=steady_clock())
+
+    @property
+    def progress(self) -> Progress | None:
+        """How far the work is, None where there is none."""
+        return None if self._worker is None else self._worker.progress
+
+    async def run(self, work: Work, request: Any) -> Any:
+        """Return what the work returns.
+
+        Args:
+            work: a function at module level, called with ``request`` and a progress callback.
+            request: what to do; must pickle.
+
+        Raises:
+            FomrcError: other work runs, or the reason why this has no result.
+        """
+        if self._worker is not None:
+            raise FomrcError("busy: other work runs")
+        self._finished = Future(executor=self._node.executor)
+        self._worker = WorkerProcess(work, request)
+        outcome: Outcome = await self._finished
+        self._worker, self._finished = None, None
+        if outcome.reason:
+            raise FomrcError(outcome.reason)
+        return outcome.result
+
+    def cancel(self, reason: str) -> None:
+        """End the work now; whoever waits for it is told the reason."""
+        if self._worker is None:
+            return
+        self._worker.cancel(reason)
+        if self._finished is not None and not self._finished.done():
+            self._finished.set_result(self._worker.outcome)
+
+    def _poll(self) -> None:
+        if self._worker is None or self._finished is None or self._finished.done():
+            return
+        outcome = self._worker.poll()
+        if outcome is not None:
+            self._finished.set_result(outcome)
 
 
 def _do(sender: Connection, work: Work, request: Any) -> None:

@@ -1,0 +1,177 @@
+"""Listens to what is driven and what the stage does, each message at the time it was sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64
+
+from fomrc_core.errors import FomrcError
+from fomrc_core.records.recording import Recording
+from fomrc_ros.conversions import PositionInterface
+
+# Lags tried when voltage and displacement are brought together: message, stage and message again.
+_LONGEST_LAG_PERIODS = 20
+_LAGS_PER_PERIOD = 4
+# Two seconds at the fastest rate: taken many times a second, but a busy machine may be late.
+_DEPTH = 10_000
+_VOLTAGE = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+_DISPLACEMENT = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+Array = NDArray[np.float64]
+
+
+class StageRecorder:
+    """Takes the messages of ``voltage`` and ``displacement`` from the middleware when asked to.
+
+    Not by callbacks: the events executor of rclpy 9.1 cannot hand on when a message was sent, and when it gets
+    round to a message says nothing about the stage. So a small node of its own, which no executor spins.
+
+    Args:
+        node: the node it belongs to; its names and clock are used.
+        interface: message type of displacement.
+
+    Attributes:
+        voltage_v: the voltage last heard [V], None before the first.
+        n_displacements: displacements heard that could be used.
+    """
+
+    def __init__(self, node: Node, interface: PositionInterface) -> None:
+        self._node, self._interface = node, interface
+        self.voltage_v: float | None = None
+        self.n_displacements = 0
+        self._is_recording = False
+        self._sent: list[tuple[float, float]] = []
+        self._seen: list[tuple[float, float]] = []
+        self._listener = rclpy.create_node(
+            f"{node.get_name()}_recorder",
+            context=node.context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self._voltage = self._subscription(Float64, "voltage", _VOLTAGE)
+        self._displacement = self._subscription(interface.message_type, "displacement", _DISPLACEMENT)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._listener.destroy_node()
+
+    def begin(self) -> None:
+        """Keep what is heard from now on."""
+        self.take()
+        self._sent, self._seen = [], []
+        self._is_recording = True
+
+    def end(self) -> None:
+        """Keep no more."""
+        self.take()
+        self._is_recording = False
+
+    def take(self) -> None:
+        """Take what has come."""
+        for message, time_s in self._taken(self._voltage):
+            if np.isfinite(message.data):
+                self.voltage_v = float(message.data)
+                if self._is_recording:
+                    _append(self._sent, time_s, self.voltage_v)
+        for message, time_s in self._taken(self._displacement):
+            try:
+                moved_um = self._interface.to_um(message)
+            except FomrcError:
+                continue  # counts as silence
+            self.n_displacements += 1
+            if self._is_recording:
+                _append(self._seen, self._interface.time_s(message, time_s), moved_um)
+
+    def recording(self, name: str, n_expected: int, period_s: float) -> Recording:
+        """Return what was driven and measured, brought to the times of the voltage.
+
+        Args:
+            name: name of the recording.
+            n_expected: how many voltages were to be driven.
+            period_s: the compensator's period [s].
+
+        Raises:
+            FomrcError: too little was heard to make a recording of.
+        """
+        sent, seen = np.array(self._sent), np.array(self._seen)
+        if len(sent) < max(0.5 * n_expected, 10):
+            raise FomrcError(f"only {len(sent)} voltages of {n_expected} heard of the compensator: is it driving?")
+        if len(seen) < 0.5 * len(sent):
+            raise FomrcError(f"only {len(seen)} displacements for {len(sent)} voltages: is the stage running?")
+        lag_s = best_lag_s(sent, seen, period_s)
+        inside = (sent[:, 0] + lag_s >= seen[0, 0]) & (sent[:, 0] + lag_s <= seen[-1, 0])
+        if np.count_nonzero(inside) < 10:
+            raise FomrcError("voltage and displacement were not measured at the same time: are both clocks set?")
+        time_s, voltage_v = with_held_voltage(sent[inside, 0], sent[inside, 1], period_s)
+        moved = np.interp(time_s + lag_s, seen[:, 0], seen[:, 1])
+        return Recording(time_s - time_s[0], voltage_v, moved, name=name)
+
+    def _subscription(self, kind: type[Any], topic: str, quality: QoSProfile) -> Any:
+        # Nobody calls this: messages are taken by ``take``.
+        return self._listener.create_subscription(
+            kind, self._node.resolve_topic_name(topic), lambda message: None, quality
+        )
+
+    def _taken(self, subscription: Any) -> list[tuple[Any, float]]:
+        # Simulated time is in no message's own stamp: there it is the time of taking.
+        is_simulated = self._node.get_parameter("use_sim_time").value
+        now_s = 1e-9 * float(self._node.get_clock().now().nanoseconds)
+        found = []
+        with subscription.handle:
+            while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:
+                message, info = taken
+                sent_s = 1e-9 * float(info["source_timestamp"])
+                found.append((message, now_s if is_simulated or not sent_s else sent_s))
+        return found
+
+
+def _append(kept: list[tuple[float, float]], time_s: float, value: float) -> None:
+    # Time goes forward in a recording, also where a simulated clock has not moved between two messages.
+    if kept and time_s <= kept[-1][0]:
+        time_s = float(np.nextafter(kept[-1][0], np.inf)) + 1e-9
+    kept.append((time_s, value))
+
+
+def with_held_voltage(time_s: Array, voltage_v: Array, period_s: float) -> tuple[Array, Array]:
+    """Return times and voltages with missed ticks filled in: the voltage was held until the next one.
+
+    Args:
+        time_s: times at which voltages were sent [s], shape (n,).
+        voltage_v: the voltages [V], shape (n,).
+        period_s: nominal period [s].
+    """
+    times, voltages = [time_s[:1]], [voltage_v[:1]]
+    for k in range(1, time_s.size):
+        if time_s[k] - time_s[k - 1] > 2.0 * period_s:
+            missed = np.arange(time_s[k - 1] + period_s, time_s[k] - 0.5 * period_s, period_s)
+            times.append(missed)
+            voltages.append(np.full(missed.size, voltage_v[k - 1]))
+        times.append(time_s[k : k + 1])
+        voltages.append(voltage_v[k : k + 1])
+    return np.concatenate(times), np.concatenate(voltages)
+
+
+def best_lag_s(sent: Array, seen: Array, period_s: float) -> float:
+    """Return the lag [s] at which displacement follows voltage best.
+
+    Args:
+        sent: times [s] and voltages [V], shape (n_sent, 2).
+        seen: times [s] and displacements [um], shape (n_seen, 2).
+        period_s: nominal period [s].
+    """
+    change_v = np.diff(sent[:, 1])
+    best, best_score = 0.0, -np.inf
+    for k in range(_LONGEST_LAG_PERIODS * _LAGS_PER_PERIOD + 1):
+        lag_s = k * period_s / _LAGS_PER_PERIOD
+        score = float(change_v @ np.diff(np.interp(sent[:, 0] + lag_s, seen[:, 0], seen[:, 1])))
+        if score > best_score * (1.0 + 1e-6):
+            best, best_score = lag_s, score
+    return best

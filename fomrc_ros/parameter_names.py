@@ -1,0 +1,31 @@
+"""Which parameter names any node of the package has: one file may serve several nodes, a misspelt name none."""
+
+from __future__ import annotations
+
+import functools
+
+from fomrc_ros.compensator.parameters import compensator_specs
+from fomrc_ros.gap.parameters import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
+from fomrc_ros.identification.parameters import identification_specs
+from fomrc_ros.node.model_parameters import effect_spec
+from fomrc_ros.simulated_stage.parameters import SPECS as STAGE_SPECS
+
+
+@functools.cache
+def names_of_package() -> frozenset[str]:
+    """Return the names of all parameters of all nodes, those of effects aside."""
+    specs = (
+        *compensator_specs(),
+        *identification_specs(),
+        *STAGE_SPECS,
+        GEOMETRY_SPEC,
+        AXES_SPEC,
+        RATE_SPEC,
+        STALE_SPEC,
+    )
+    return frozenset(spec.name for spec in specs)
+
+
+def is_name_of_package(name: str) -> bool:
+    """Tell whether some node of the package has a parameter of this name."""
+    return name in names_of_package() or effect_spec(name) is not None
