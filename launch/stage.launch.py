@@ -27,6 +27,11 @@ def generate_launch_description():
         DeclareLaunchArgument("simulate", default_value="true", description="start a simulated stage"),
         DeclareLaunchArgument("identify", default_value="true", description="start the identification"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="follow /clock"),
+        DeclareLaunchArgument(
+            "stop_timeout_s",
+            default_value="60",
+            description="how long a node may take to end: the whole range at safe_ramp_v_per_s, and some",
+        ),
     ]
     common = {
         "package": "fomrc_ros",
@@ -38,6 +43,9 @@ def generate_launch_description():
             {"use_sim_time": LaunchConfiguration("use_sim_time")},
         ],
         "output": "screen",
+        # After Ctrl-C the voltage is ramped to the safe one; what is stopped before it is there leaves it where it is.
+        "sigterm_timeout": LaunchConfiguration("stop_timeout_s"),
+        "sigkill_timeout": LaunchConfiguration("stop_timeout_s"),
     }
     nodes = [
         Node(executable="compensator", name="compensator", **common),

@@ -15,6 +15,8 @@ from fomrc_core.records.recording import Recording
 if TYPE_CHECKING:  # the fits take seconds to import, and only the process that does the work needs them
     from fomrc_core.identification.convex import Fit
 
+# What a diagnosis writes into its folder.
+DIAGNOSIS_FILES = ("diagnosis.json", "extended_model.yaml", "report.html")
 Tell = Callable[[float, str], None]
 
 
@@ -35,6 +37,11 @@ class RecordingFiles:
     columns: str = ""
     rate_hz: float = 0.0
     topics: str = ""
+
+    @property
+    def all_paths(self) -> tuple[str, ...]:
+        """Every file that is read."""
+        return (*self.paths, self.test_path) if self.test_path else self.paths
 
 
 @dataclass(frozen=True)

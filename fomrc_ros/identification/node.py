@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -16,7 +17,7 @@ from fomrc_ros.identification.calibration import Calibration
 from fomrc_ros.identification.fit_work import DiagnosisRequest, FitAnswer, FitRequest, RecordingFiles
 from fomrc_ros.identification.parameters import build_settings, identification_specs
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
-from fomrc_ros.node.parameter_files import confined_path
+from fomrc_ros.node.parameter_files import check_kind, check_no_input, confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run
@@ -91,18 +92,20 @@ class IdentificationNode(Node):  # type: ignore[misc]  # rclpy has no types here
 
     async def _identify(self) -> str:
         values = self.parameters.values
-        answer = await self._work.run(
-            fit_work.fit,
-            FitRequest(self._files(), values["n_elements"], values["method"], self._path("output_file")),
-        )
+        files, output = self._files(), self._path("output_file")
+        check_no_input(Path(output), files.all_paths, "output_file")
+        answer = await self._work.run(fit_work.fit, FitRequest(files, values["n_elements"], values["method"], output))
         self.publish_model(answer)
         return self.summary(answer, self._path("output_file"))
 
     async def _diagnose(self) -> str:
         values = self.parameters.values
         model_path = self._path("model_file") if values["model_file"] else ""
-        folder = self._path("output_folder")
-        found = await self._work.run(fit_work.diagnose, DiagnosisRequest(self._files(), model_path, folder))
+        folder, files = self._path("output_folder"), self._files()
+        inputs = (*files.all_paths, model_path) if model_path else files.all_paths
+        for name in fit_work.DIAGNOSIS_FILES:
+            check_no_input(Path(folder, name), inputs, "output_folder")
+        found = await self._work.run(fit_work.diagnose, DiagnosisRequest(files, model_path, folder))
         return f"found {found}; written to {folder}"
 
     async def _calibrate(self) -> str:
@@ -147,6 +150,8 @@ class IdentificationNode(Node):  # type: ignore[misc]  # rclpy has no types here
         test_path = values["test_recording"]
         if test_path:
             test_path = str(confined_path(test_path, folders, "test_recording"))
+        for path in (*paths, test_path) if test_path else paths:
+            check_kind(Path(path), "recordings")
         return RecordingFiles(paths, test_path, values["columns"], values["record_rate_hz"], values["topics"])
 
     def _path(self, name: str) -> str:

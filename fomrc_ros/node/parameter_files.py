@@ -53,6 +53,28 @@ def confined_path(path: str, folders: Sequence[str], where: str, *, also: Sequen
     return resolved
 
 
+def check_no_input(output: Path, inputs: Sequence[str], where: str) -> None:
+    """Raise StorageError where an output is one of the inputs: a recording written over is lost for good.
+
+    Args:
+        output: file to be written.
+        inputs: files to be read.
+        where: parameter that named the output, for the message.
+    """
+    for name in inputs:
+        other = Path(name)
+        # Two names may be one file, by a link.
+        is_same = output == other or (output.exists() and other.exists() and output.samefile(other))
+        if is_same:
+            raise StorageError("is one of the inputs", where=where, value=str(output), allowed="another file")
+
+
+def check_kind(path: Path, where: str) -> None:
+    """Raise StorageError for a pipe or a device: reading one may never end."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise StorageError("is a pipe or a device", where=where, value=str(path), allowed="a file, or a bag's folder")
+
+
 def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
     """Return the parameters a YAML file holds for a node, as flat names.
 

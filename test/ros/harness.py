@@ -10,7 +10,7 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ def model_file(path: Path, model: dict | None = None, **parameters: object) -> P
     return path
 
 
-def _die_with_the_test() -> None:
+def die_with_the_test() -> None:
     # PR_SET_PDEATHSIG: a test run that crashes must not leave nodes behind that publish into the next one.
     _LIBC.prctl(1, signal.SIGKILL)
 
@@ -63,7 +63,15 @@ def _die_with_the_test() -> None:
 class NodeUnderTest:
     """One node in a process of its own."""
 
-    def __init__(self, kind: str, folder: Path, *files: Path, namespace: str = "", **parameters: object) -> None:
+    def __init__(
+        self,
+        kind: str,
+        folder: Path,
+        *files: Path,
+        namespace: str = "",
+        remaps: Mapping[str, str] | None = None,
+        **parameters: object,
+    ) -> None:
         self.kind, self.namespace = kind, namespace
         self.name = f"{namespace}/{kind}"
         self._output = folder / f"{kind}{time.monotonic_ns()}.log"
@@ -78,6 +86,8 @@ class NodeUnderTest:
             command += ["--params-file", str(file)]
         if namespace:
             command += ["-r", f"__ns:={namespace}"]
+        for name, other in (remaps or {}).items():
+            command += ["-r", f"{name}:={other}"]
         for name, value in parameters.items():
             shown = str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
             command += ["-p", f"{name}:={shown}"]
@@ -90,7 +100,7 @@ class NodeUnderTest:
                 stdout=output,
                 stderr=output,
                 start_new_session=True,
-                preexec_fn=_die_with_the_test,
+                preexec_fn=die_with_the_test,
             )
 
     def output(self) -> str:
@@ -154,7 +164,7 @@ class Probe:
             self.messages["/" + status.name] = status.message
 
     def subscribe(self, kind: type, topic: str, callback: Callable[[float, Any], None], qos: QoSProfile | int) -> None:
-        """Have a function called with time of receipt and message of every message."""
+        """Have a function called with every message and the time it was sent."""
         subscription = self.node.create_subscription(kind, topic, lambda message: None, qos)
         self._subscriptions.append((subscription, callback))
 
@@ -170,7 +180,7 @@ class Probe:
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:
                     message, info = taken
-                    callback(1e-9 * info["received_timestamp"] - self._epoch_s, message)
+                    callback(1e-9 * info["source_timestamp"] - self._epoch_s, message)
         for client in self._clients.values():
             with client.handle:
                 while True:
@@ -195,10 +205,10 @@ class Probe:
         self.until(lambda: time.monotonic() >= end, "time", duration_s + PATIENCE_S)
 
     def record(self, topic: str, kind: type = Float64) -> list:
-        """Return a list that fills with (time of receipt, message)."""
+        """Return a list that fills with (time of sending, message)."""
         seen: list = []
         qos = _READ_BEST_EFFORT if topic.endswith(("displacement", "gap")) else _READ
-        self.subscribe(kind, topic, lambda received_s, message: seen.append((received_s, message)), qos)
+        self.subscribe(kind, topic, lambda sent_s, message: seen.append((sent_s, message)), qos)
         return seen
 
     def publisher(self, topic: str, kind: type = Float64, timeout_s: float = PATIENCE_S) -> Publisher:

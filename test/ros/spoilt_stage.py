@@ -1,0 +1,70 @@
+"""A stage whose sensor is broken in a chosen way, as a process: voltage in, displacement out at 500 Hz.
+
+What it moves is a model of its own; what it tells is noise, reversed, stuck from half way on, or has outliers.
+"""
+
+from __future__ import annotations
+
+import random
+import signal
+import sys
+
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from small_model import MODEL
+from std_msgs.msg import Float64
+
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_ros.node.runtime import make_executor
+
+PERIOD_S = 0.002
+
+
+class SpoiltStage:
+    """Steps the model and spoils what is told of it.
+
+    Args:
+        kind: sound, noise, reversed, stuck or outliers.
+    """
+
+    def __init__(self, kind: str) -> None:
+        self.node = rclpy.create_node("spoilt_stage")
+        self._kind, self._random = kind, random.Random(1)
+        self._model = PiezoModel.from_mapping(MODEL)
+        self._state = self._model.initial_state()
+        self._voltage_v, self._n_moving, self._stuck_um = 0.0, 0, 0.0
+        self._publisher = self.node.create_publisher(Float64, "displacement", qos_profile_sensor_data)
+        self.node.create_subscription(Float64, "voltage", self._on_voltage, 10)
+        self.node.create_timer(PERIOD_S, self._tick)
+
+    def _on_voltage(self, message: Float64) -> None:
+        self._n_moving += message.data != self._voltage_v
+        self._voltage_v = message.data
+
+    def _tick(self) -> None:
+        moved_um = self._model.advance(self._state, self._voltage_v, PERIOD_S) + self._random.gauss(0.0, 1e-3)
+        if self._kind == "noise":
+            moved_um = self._random.gauss(0.0, 1.0)
+        elif self._kind == "reversed":
+            moved_um = -moved_um
+        elif self._kind == "stuck" and self._n_moving > 900:
+            moved_um = self._stuck_um + self._random.gauss(0.0, 1e-3)
+        elif self._kind == "outliers" and self._random.random() < 0.01:
+            moved_um += self._random.choice((-1.0, 1.0))
+        else:
+            self._stuck_um = moved_um
+        self._publisher.publish(Float64(data=1e-6 * moved_um))
+
+
+def main() -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    stage = SpoiltStage(sys.argv[1])
+    executor = make_executor()
+    executor.add_node(stage.node)
+    executor.spin_until_future_complete(rclpy.task.Future(), timeout_sec=1e9)
+
+
+if __name__ == "__main__":
+    main()
