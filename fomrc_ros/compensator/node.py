@@ -20,7 +20,6 @@ from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_ros.compensator.lending import LendingServices
-from fomrc_ros.compensator.parameters import CompensatorSettings, SettingsBuilder, compensator_specs
 from fomrc_ros.compensator.report import Condition, Refusals, describe
 from fomrc_ros.compensator.services import RelaxServices, ReloadService
 from fomrc_ros.conversions import position_interface
@@ -33,7 +32,8 @@ from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, overridable
 from fomrc_ros.node.runtime import run, steady_clock
 from fomrc_ros.node.worker_process import WorkerRunner
-from fomrc_ros.parameter_names import is_name_of_package
+from fomrc_ros.parameters.compensator import CompensatorSettings, SettingsBuilder, compensator_specs
+from fomrc_ros.parameters.names import is_name_of_package
 
 _SAID_AGAIN_AFTER_S = 5.0
 _WATCH_PERIOD_S = 0.05
@@ -50,7 +50,7 @@ _LEAVING_IDS = tuple(
 )
 
 
-class CompensatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types here
+class CompensatorNode(LifecycleNode):
     """Subscribes ``desired_position`` (m), publishes ``voltage`` (std_msgs/Float64, V) at ``rate_hz``."""
 
     def __init__(self) -> None:

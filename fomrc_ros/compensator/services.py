@@ -12,11 +12,11 @@ from std_srvs.srv import Trigger
 from fomrc_core.control.actuator_drive import ActuatorDrive
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.records import excitation
-from fomrc_ros.compensator.parameters import CompensatorSettings
 from fomrc_ros.node.model_parameters import as_replacement
 from fomrc_ros.node.parameter_files import confined_path, given_at_start, read_parameter_file
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.worker_process import WorkerRunner
+from fomrc_ros.parameters.compensator import CompensatorSettings
 
 
 class ReloadService:

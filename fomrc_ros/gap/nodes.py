@@ -21,12 +21,12 @@ from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_ros.conversions import Float64Position, um_to_m
 from fomrc_ros.gap.axis_watch import AxisWatch
 from fomrc_ros.gap.geometry import MOTIONS, GapGeometry, motions_of
-from fomrc_ros.gap.parameters import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.parameter_names import is_name_of_package
+from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
+from fomrc_ros.parameters.names import is_name_of_package
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def _geometry(values: Mapping[str, Any]) -> GapGeometry:
     return GapGeometry.from_list(values["geometry"])
 
 
-class _GapNode(Node):  # type: ignore[misc]  # rclpy has no types here
+class _GapNode(Node):
     def __init__(self, name: str, specs: tuple[ParameterSpec, ...]) -> None:
         super().__init__(name, allow_undeclared_parameters=True)
         self.stopped = Future()

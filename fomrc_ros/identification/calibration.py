@@ -18,10 +18,10 @@ from fomrc_ros.conversions import position_interface
 from fomrc_ros.identification import fit_work
 from fomrc_ros.identification.compensator_client import CompensatorClient
 from fomrc_ros.identification.fit_work import CalibrationRequest, FitAnswer
-from fomrc_ros.identification.parameters import IdentificationSettings
 from fomrc_ros.identification.stage_drive import StageDrive
 from fomrc_ros.node.runtime import steady_clock
 from fomrc_ros.node.worker_process import Progress, WorkerRunner
+from fomrc_ros.parameters.identification import IdentificationSettings
 
 _WATCH_PERIOD_S = 0.1
 _N_PARTS = 7

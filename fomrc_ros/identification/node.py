@@ -15,19 +15,19 @@ from fomrc_core.errors import FomrcError, InputError
 from fomrc_ros.identification import fit_work
 from fomrc_ros.identification.calibration import Calibration
 from fomrc_ros.identification.fit_work import DiagnosisRequest, FitAnswer, FitRequest, RecordingFiles
-from fomrc_ros.identification.parameters import build_settings, identification_specs
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameter_files import check_kind, check_no_input, confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run
 from fomrc_ros.node.worker_process import WorkerRunner
-from fomrc_ros.parameter_names import is_name_of_package
+from fomrc_ros.parameters.identification import build_settings, identification_specs
+from fomrc_ros.parameters.names import is_name_of_package
 
 _CANCELLED = "cancelled"
 
 
-class IdentificationNode(Node):  # type: ignore[misc]  # rclpy has no types here
+class IdentificationNode(Node):
     """Services ``~/identify``, ``~/diagnose``, ``~/calibrate`` and ``~/cancel``; publishes ``~/model``."""
 
     def __init__(self) -> None:

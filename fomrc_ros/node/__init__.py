@@ -7,9 +7,11 @@ __all__ = [
     "diagnostics",
     "lifecycle_log",
     "model_parameters",
+    "other_publishers",
     "parameter_files",
     "parameters",
     "quality_of_service",
     "runtime",
     "voltage_parameters",
+    "worker_process",
 ]

@@ -21,8 +21,8 @@ from fomrc_ros.node.model_parameters import effect_spec, model_from_values, para
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.parameter_names import is_name_of_package
-from fomrc_ros.simulated_stage.parameters import SPECS
+from fomrc_ros.parameters.names import is_name_of_package
+from fomrc_ros.parameters.simulated_stage import SPECS
 
 
 class Plant(Protocol):
@@ -44,7 +44,7 @@ class StageSettings:
     quantization_um: float
 
 
-class SimulatedPea(Node):  # type: ignore[misc]  # rclpy has no types here
+class SimulatedPea(Node):
     """Subscribes ``voltage`` (std_msgs/Float64, V), publishes ``displacement`` (m) at ``rate_hz``."""
 
     def __init__(self) -> None:

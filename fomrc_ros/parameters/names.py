@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 
-from fomrc_ros.compensator.parameters import compensator_specs
-from fomrc_ros.gap.parameters import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
-from fomrc_ros.identification.parameters import identification_specs
 from fomrc_ros.node.model_parameters import effect_spec
-from fomrc_ros.simulated_stage.parameters import SPECS as STAGE_SPECS
+from fomrc_ros.parameters.compensator import compensator_specs
+from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
+from fomrc_ros.parameters.identification import identification_specs
+from fomrc_ros.parameters.simulated_stage import SPECS as STAGE_SPECS
 
 
 @functools.cache
