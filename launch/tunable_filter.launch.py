@@ -32,7 +32,8 @@ def make_nodes(context):
             nodes.append(Node(executable="simulated_pea", name="simulated_pea", namespace=axis, **common))
     if len(axes) == 3:
         # After the file, so that the axes started are those the gap is made of.
-        gap = common | {"parameters": [parameters, {"axes": axes}]}
+        # One string: in a list of a parameter file the client library takes an axis y for a truth value.
+        gap = common | {"parameters": [parameters, {"axes": ",".join(axes)}]}
         nodes.append(Node(executable="gap_command", name="gap_command", **gap))
         nodes.append(Node(executable="gap_monitor", name="gap_monitor", **gap))
     return nodes

@@ -95,7 +95,7 @@ class ParameterSpec:
         return descriptor
 
     def coerced(self, value: Any) -> Any:
-        """Return the value in the declared type, integers accepted for numbers.
+        """Return the value in the declared type; integers are accepted for numbers, and a,b,c for a list of strings.
 
         Raises:
             ParameterError: another type, a number that is not finite or not in range, a list too long.
@@ -103,6 +103,8 @@ class ParameterSpec:
         element = _ELEMENT_KINDS.get(self.kind)
         if element is None:
             return self._checked(value, self.kind, self.name)
+        if isinstance(value, str) and element is Kind.STRING and "," in value:
+            value = [part.strip() for part in value.split(",")]
         if isinstance(value, (str, bytes)) or (not isinstance(value, Sequence) and not hasattr(value, "__len__")):
             raise ParameterError("not a list", where=self.name, value=value, allowed=self.allowed)
         if len(value) > _LONGEST_LIST:

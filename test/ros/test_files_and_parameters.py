@@ -162,7 +162,7 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, lambda t: 0.5e-6, 0.3)
     # 960 kB that take YAML many seconds to read; the names in it are none, so that it is refused in the end.
-    names = "".join(f"    name_{k}: {k}.5\n" for k in range(45_000))
+    names = "".join(f"    name_{k}: {k}.5\n" for k in range(40_500))
     file.write_text("/**:\n  ros__parameters:\n" + names)
     assert 900_000 < file.stat().st_size < 1_000_000
     heard.clear()
@@ -192,7 +192,7 @@ def test_a_misspelt_name_is_refused_at_start(tmp_path, start, kind):
 
 
 def test_one_file_may_serve_several_nodes(tmp_path, probe, start):
-    file = model_file(tmp_path / "all.yaml", plant="fomrc", axes=["x", "y", "z"], n_elements=5, stop_policy="hold")
+    file = model_file(tmp_path / "all.yaml", plant="fomrc", axes=["a", "b", "c"], n_elements=5, stop_policy="hold")
     nodes = [start(kind, file) for kind in ("compensator", "simulated_pea", "identification", "gap_command")]
     for node in nodes:
         probe.until(lambda node=node: node.name in probe.messages, f"{node.name} running")
@@ -221,7 +221,7 @@ def test_a_journal_is_read_back_whatever_its_name(tmp_path):
     resumed = read_checkpoint(path, compensator, 0.01)
     assert resumed is not None
     assert resumed.voltage_v == voltage_v
-    assert resumed.target_um == 0.95
+    assert resumed.target_um == 0.05 * 19
 
 
 def test_a_full_disk_gets_no_new_file_each_second(tmp_path, monkeypatch):
@@ -310,6 +310,16 @@ def test_a_plant_on_the_command_line_wins_over_the_shipped_file(tmp_path, probe,
     assert probe.get(node.name, "plant") == "fomrc"
 
 
+def test_axes_named_in_one_string_reach_the_gap_nodes(probe, start):
+    # As the launch file hands them on: in a list the client library would take y for a truth value.
+    command, monitor = start("gap_command", axes="x,y,z"), start("gap_monitor", axes="x, y, z")
+    for axis in "xyz":
+        probe.until(lambda axis=axis: probe.node.count_publishers(f"/{axis}/desired_position"), "the command's axes")
+        probe.until(lambda axis=axis: probe.node.count_subscribers(f"/{axis}/displacement"), "the monitor's axes")
+    for node in (command, monitor):
+        assert list(probe.get(node.name, "axes")) == ["x", "y", "z"]
+
+
 def test_the_gap_is_stale_where_an_axis_is_dead(probe, start):
     node = start("gap_monitor", stale_after_s=0.5)
     gaps = probe.record("gap", JointState)
@@ -359,6 +369,8 @@ def test_progress_after_a_failure_shows_the_new_job(tmp_path, probe, start):
     probe.until(lambda: "missing.csv" in probe.messages.get(node.name, ""), "the failure")
     assert probe.set_one(node.name, "recordings", [str(record)] * 3).successful
     probe.ask(Trigger, f"{node.name}/identify", Trigger.Request())
-    probe.until(lambda: probe.messages[node.name].startswith("identify: "), "the new job")
+    probe.until(lambda: probe.diagnostics[node.name].get("activity") == "identify", "the new job")
+    assert probe.messages[node.name].startswith("identify: ")
     assert "%" in probe.messages[node.name]
     assert "missing.csv" not in probe.messages[node.name]
+    assert "missing.csv" in probe.diagnostics[node.name]["last"], "the failure is still told, but not in its place"
