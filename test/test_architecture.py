@@ -46,8 +46,6 @@ _OWED_REASONS = {
     "fomrc_core.diagnosis.screening.screen",
     "fomrc_core.diagnosis.screening._screen_one",
     "fomrc_core.fitting.joint_fit.refit",
-    "fomrc_ros.compensator.parameters.compensator_specs",
-    "fomrc_ros.identification.parameters.identification_specs",
 }
 # Arrows still to be turned round; none may be added.
 _OWED: set[tuple[str, str]] = set()

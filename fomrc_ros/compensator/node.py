@@ -25,7 +25,6 @@ from fomrc_ros.compensator.services import RelaxServices, ReloadService
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.node.diagnostics import DiagnosticsPublisher, Report
 from fomrc_ros.node.lifecycle_log import logged
-from fomrc_ros.node.model_parameters import effect_spec, parameters_of_effects
 from fomrc_ros.node.other_publishers import other_publishers
 from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
@@ -33,7 +32,7 @@ from fomrc_ros.node.quality_of_service import COMMAND, overridable
 from fomrc_ros.node.runtime import run, steady_clock
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.compensator import CompensatorSettings, SettingsBuilder, compensator_specs
-from fomrc_ros.parameters.names import is_name_of_package
+from fomrc_ros.parameters.names import WITH_EFFECTS
 
 _SAID_AGAIN_AFTER_S = 5.0
 _WATCH_PERIOD_S = 0.05
@@ -60,15 +59,7 @@ class CompensatorNode(LifecycleNode):
         self._refusals = Refusals()
         self._has_been_told_to_stop = self._has_ended = False
         self._waiting_for_stop: list[Future] = []
-        self.parameters = NodeParameters(
-            self,
-            compensator_specs(),
-            SettingsBuilder(),
-            self._apply,
-            effect_spec,
-            parameters_of_effects,
-            is_name_of_package,
-        )
+        self.parameters = NodeParameters(self, compensator_specs(), SettingsBuilder(), self._apply, WITH_EFFECTS)
         values = self.parameters.values
         self._drive = ActuatorDrive(self.settings.drive)
         self.parameters.watch()

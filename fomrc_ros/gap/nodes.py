@@ -26,7 +26,7 @@ from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
 from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
-from fomrc_ros.parameters.names import is_name_of_package
+from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class _GapNode(Node):
     def __init__(self, name: str, specs: tuple[ParameterSpec, ...]) -> None:
         super().__init__(name, allow_undeclared_parameters=True)
         self.stopped = Future()
-        self.parameters = NodeParameters(self, specs, _geometry, lambda geometry: None, is_elsewhere=is_name_of_package)
+        self.parameters = NodeParameters(self, specs, _geometry, lambda geometry: None, WITHOUT_EFFECTS)
         self.parameters.watch()
         self.axes: list[str] = list(self.parameters.values["axes"])
         self.n_refused, self.last_refusal = 0, ""

@@ -22,7 +22,7 @@ from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.identification import build_settings, identification_specs
-from fomrc_ros.parameters.names import is_name_of_package
+from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 
 _CANCELLED = "cancelled"
 
@@ -34,7 +34,7 @@ class IdentificationNode(Node):
         super().__init__("identification", allow_undeclared_parameters=True)
         self.stopped = Future()
         self.parameters = NodeParameters(
-            self, identification_specs(), build_settings, lambda settings: None, is_elsewhere=is_name_of_package
+            self, identification_specs(), build_settings, lambda settings: None, WITHOUT_EFFECTS
         )
         self.parameters.watch()
         self._activity = ""

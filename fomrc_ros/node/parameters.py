@@ -145,6 +145,21 @@ class ParameterSpec:
         return value
 
 
+@dataclass(frozen=True)
+class FurtherNames:
+    """Parameter names a node may meet beside its own.
+
+    Args:
+        find_spec: gives the specification of a name that may come later (an effect's parameter), or None.
+        called_for: names that the values given at start call for, e.g. those of the effects a model names.
+        is_elsewhere: whether a name is that of another node that may share the file; such are passed over.
+    """
+
+    find_spec: Callable[[str], ParameterSpec | None] = lambda name: None
+    called_for: Callable[[Mapping[str, Any]], Sequence[str]] = lambda values: ()
+    is_elsewhere: Callable[[str], bool] = lambda name: False
+
+
 class NodeParameters:
     """All parameters of one node: values by name, changed only as a whole that was validated.
 
@@ -154,10 +169,7 @@ class NodeParameters:
         specs: the parameters of the node.
         build: makes the node's settings from all values; raises FomrcError where they do not fit.
         apply: takes over settings that have been built, called after every change.
-        find_spec: gives the specification of a name not in ``specs`` (an effect's parameter), or None.
-        more_names: further parameters that the values given at start call for, e.g. those of the effects a
-            model names.
-        is_elsewhere: whether a name is that of another node that may share the file; such are passed over.
+        further: names that are not in ``specs``.
 
     Raises:
         FomrcError: the values the node was started with are not acceptable.
@@ -169,18 +181,15 @@ class NodeParameters:
         specs: Sequence[ParameterSpec],
         build: Callable[[Mapping[str, Any]], Any],
         apply: Callable[[Any], None],
-        find_spec: Callable[[str], ParameterSpec | None] = lambda name: None,
-        more_names: Callable[[Mapping[str, Any]], Sequence[str]] = lambda values: (),
-        is_elsewhere: Callable[[str], bool] = lambda name: False,
+        further: FurtherNames,
     ) -> None:
-        self._node, self._build, self._apply, self._find_spec = node, build, apply, find_spec
-        self._is_elsewhere = is_elsewhere
+        self._node, self._build, self._apply, self._further = node, build, apply, further
         self._specs = {spec.name: spec for spec in specs}
         self.values: dict[str, Any] = {}
         self._candidate: tuple[dict[str, Any], Any] | None = None
         for spec in specs:
             self._declare(spec)
-        for name in more_names(self.values):
+        for name in further.called_for(self.values):
             more = self.spec(name)
             if more is not None and name not in self._specs:
                 self._specs[name] = more
@@ -198,7 +207,7 @@ class NodeParameters:
 
     def spec(self, name: str) -> ParameterSpec | None:
         """Return the specification of a parameter, None where there is no such parameter."""
-        return self._specs.get(name) or self._find_spec(name)
+        return self._specs.get(name) or self._further.find_spec(name)
 
     def set_all(self, values: Mapping[str, Any]) -> None:
         """Set several parameters, all or nothing.
@@ -303,7 +312,7 @@ class NodeParameters:
         self._apply(self.settings)
 
     def _is_foreign(self, name: str) -> bool:
-        return _is_of_client_library(name) or self._is_elsewhere(name)
+        return _is_of_client_library(name) or self._further.is_elsewhere(name)
 
     def _unknown(self, name: str) -> ParameterError:
         near = difflib.get_close_matches(name[:200], self._specs, n=1)

@@ -20,6 +20,7 @@ from fomrc_ros.node.voltage_parameters import LIMIT_SPECS, POLICIES
 
 def compensator_specs() -> tuple[ParameterSpec, ...]:
     """Return the compensator's parameters."""
+    # Long: a table, one entry for each parameter.
     return (
         ParameterSpec(
             "rate_hz",

@@ -17,6 +17,7 @@ METHODS = ("convex", "paper")
 
 def identification_specs() -> tuple[ParameterSpec, ...]:
     """Return the identification node's parameters."""
+    # Long: a table, one entry for each parameter.
     return (
         ParameterSpec("recordings", [], "files to fit: CSV, plain columns, rosbag2", kind=Kind.STRING_ARRAY),
         ParameterSpec("test_recording", "", "file the result is tried on, none if empty"),

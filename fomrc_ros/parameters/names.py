@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 
-from fomrc_ros.node.model_parameters import effect_spec
+from fomrc_ros.node.model_parameters import effect_spec, parameters_of_effects
+from fomrc_ros.node.parameters import FurtherNames
 from fomrc_ros.parameters.compensator import compensator_specs
 from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.parameters.identification import identification_specs
@@ -29,3 +30,8 @@ def names_of_package() -> frozenset[str]:
 def is_name_of_package(name: str) -> bool:
     """Tell whether some node of the package has a parameter of this name."""
     return name in names_of_package() or effect_spec(name) is not None
+
+
+# For nodes with a model, which may bring effects, and for those without.
+WITH_EFFECTS = FurtherNames(effect_spec, parameters_of_effects, is_name_of_package)
+WITHOUT_EFFECTS = FurtherNames(is_elsewhere=is_name_of_package)

@@ -17,11 +17,11 @@ from fomrc_core.errors import InputError, ParameterError
 from fomrc_core.plants import electromechanical
 from fomrc_ros.conversions import m_to_um, position_interface, voltage_from_message
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
-from fomrc_ros.node.model_parameters import effect_spec, model_from_values, parameters_of_effects
+from fomrc_ros.node.model_parameters import model_from_values
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.parameters.names import is_name_of_package
+from fomrc_ros.parameters.names import WITH_EFFECTS
 from fomrc_ros.parameters.simulated_stage import SPECS
 
 
@@ -51,9 +51,7 @@ class SimulatedPea(Node):
         super().__init__("simulated_pea", allow_undeclared_parameters=True)
         self.stopped = Future()
         self._plant: Plant | None = None
-        self.parameters = NodeParameters(
-            self, SPECS, self._build, self._apply, effect_spec, parameters_of_effects, is_name_of_package
-        )
+        self.parameters = NodeParameters(self, SPECS, self._build, self._apply, WITH_EFFECTS)
         values = self.parameters.values
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])
