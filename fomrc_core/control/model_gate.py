@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from fomrc_core.control.plausible_model import check_plausible
 from fomrc_core.errors import FomrcError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.record_start import estimate_start, simulate_from
-from fomrc_core.records.noise import autocorrelation_inflation
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import residual_um, rms
 
@@ -26,9 +26,9 @@ LARGEST_UNEXPLAINED_SHARE = 0.25
 _OUTLIER_DEVIATIONS = 8.0
 LARGEST_OUTLIER_SHARE = 1e-3
 _MAD_TO_DEVIATION = 1.4826
-# Around a jump of the voltage a displacement sampled a period early or late is far off, and no outlier.
-_N_SAMPLES_OF_JUMP = 20
-_JUMP_RATIO = 5.0
+# On a busy machine a displacement is paired with a voltage some samples early or late; what that explains is no
+# outlier of the sensor. So many periods a message waits where a loop is late but not stopped.
+_N_SAMPLES_LATE = 5
 
 
 def model_error_um(model: PiezoModel, recording: Recording) -> Array:
@@ -64,7 +64,7 @@ def why_refused(model: PiezoModel, recording: Recording, *, in_force: PiezoModel
             f"the model leaves {100.0 * share:.0f} % of the displacement's deviation unexplained "
             f"(allowed {100.0 * LARGEST_UNEXPLAINED_SHARE:.0f} %): the displacement does not follow the voltage"
         )
-    outliers = outlier_share(error_um, voltage_v)
+    outliers = outlier_share(error_um, measured_um - error_um)
     if outliers > LARGEST_OUTLIER_SHARE:
         return (
             f"{100.0 * outliers:.2g} % of the displacements are outliers "
@@ -73,30 +73,25 @@ def why_refused(model: PiezoModel, recording: Recording, *, in_force: PiezoModel
     return "" if in_force is None else _why_worse(error_um, model_error_um(in_force, recording))
 
 
-def outlier_share(error_um: Array, voltage_v: Array) -> float:
-    """Return the share of errors that no noise explains, those around jumps of the voltage left out.
+def outlier_share(error_um: Array, predicted_um: Array) -> float:
+    """Return the share of errors that neither noise nor a sample taken early or late explains.
 
     Args:
         error_um: errors [um], shape (n_samples,).
-        voltage_v: voltage at the same times [V], shape (n_samples,).
+        predicted_um: what was predicted at the same times [um], shape (n_samples,).
     """
-    change_v = np.abs(np.diff(voltage_v, prepend=voltage_v[0]))
-    moving = change_v[change_v > 0.0]
-    is_jump = change_v > _JUMP_RATIO * np.median(moving) if moving.size else np.zeros(change_v.size, dtype=bool)
-    window = np.ones(2 * _N_SAMPLES_OF_JUMP + 1)
-    near_jump = np.convolve(is_jump, window, mode="same") > 0.5
-    kept = error_um[~near_jump]
-    if kept.size < 2:
-        return 0.0
-    deviations = np.abs(kept - np.median(kept))
+    deviations = np.abs(error_um - np.median(error_um))
     limit = _OUTLIER_DEVIATIONS * _MAD_TO_DEVIATION * float(np.median(deviations))
-    return float(np.mean(deviations > limit)) if limit > 0.0 else 0.0
+    if not limit > 0.0:
+        return 0.0
+    near = 2 * _N_SAMPLES_LATE + 1
+    passed_um = maximum_filter1d(predicted_um, near) - minimum_filter1d(predicted_um, near)
+    return float(np.mean(deviations > limit + passed_um))
 
 
 def _why_worse(error_um: Array, in_force_error_um: Array) -> str:
-    # Of n samples that do not repeat each other an rms is known to 1/sqrt(2 n) of itself.
-    n_independent = error_um.size / autocorrelation_inflation(error_um)
-    tolerance = 3.0 / np.sqrt(2.0 * max(n_independent, 1.0))
+    # Both are judged by the same samples with the same noise; an rms of n samples is known to 1/sqrt(2 n) of itself.
+    tolerance = 3.0 / np.sqrt(2.0 * error_um.size)
     new_um, old_um = rms(error_um), rms(in_force_error_um)
     if new_um <= old_um * (1.0 + tolerance):
         return ""

@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 import yaml
-from harness import model_file
+from harness import PATIENCE_S, model_file
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from small_model import MODEL
 from std_msgs.msg import Float64
@@ -22,6 +23,7 @@ CAREFUL = COMMON | {
     "calibrate_slope_v_per_s": 6.0,
     "calibrate_dwell_s": 0.15,
 }
+PERIOD_S = 0.002
 HASTY = COMMON | {
     "relax_duration_s": 0.5,
     "relax_frequency_hz": 40.0,
@@ -39,45 +41,91 @@ def nodes(tmp_path, start, **options):
     )
 
 
+class Lockstep:
+    """A clock that goes on when the stage and the compensator have done their step, however busy the machine is.
+
+    So what is measured is the model and the loop, not who got the processor first.
+    """
+
+    def __init__(self, probe, moved: list, heard: list) -> None:
+        self._probe, self._moved, self._heard = probe, moved, heard
+        self._clock = probe.publisher("/clock", Clock)
+        self._is_driving = False
+        self.time_s = 0.0
+        self._k = 0
+
+    def step(self) -> None:
+        self._k += 1
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(round(self._k * PERIOD_S * 1e9), 10**9)
+        self.time_s = self._k * PERIOD_S
+        n_moved, n_heard = len(self._moved), len(self._heard)
+        self._clock.publish(message)
+        self._wait(lambda: len(self._moved) > n_moved, 1.0)
+        # Where the compensator drives nothing there is nothing to wait for; whether it does is found now and then.
+        if self._is_driving or self._k % 50 == 0:
+            self._is_driving = self._wait(lambda: len(self._heard) > n_heard, 0.5)
+
+    def _wait(self, condition, timeout_s: float) -> bool:
+        deadline = time.monotonic() + timeout_s
+        self._probe.take()
+        while not condition():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.0002)
+            self._probe.take()
+        return True
+
+    def until(self, condition, what: str) -> None:
+        deadline = time.monotonic() + 3.0 * PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline, what
+            self.step()
+
+
 def test_calibrated_stage_follows(tmp_path, probe, start):
-    compensator, _, identification = nodes(tmp_path, start, **CAREFUL, interface="joint_state")
+    compensator, _, identification = nodes(tmp_path, start, **CAREFUL, interface="joint_state", use_sim_time=True)
     heard, moved = probe.record("voltage"), probe.record("displacement", JointState)
     publisher = probe.publisher("desired_position", JointState)
-    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
-    answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
+    for name in (compensator.name, identification.name):
+        probe.until(lambda name=name: name in probe.messages, f"{name} running")
+    clock = Lockstep(probe, moved, heard)
+    clock.until(lambda: moved, "the stage")
+    calibrated = probe.ask(Trigger, f"{identification.name}/calibrate", Trigger.Request())
+    clock.until(calibrated.done, "the end of the calibration")
+    answer = calibrated.result()
     assert answer.success, answer.message
     assert probe.state(compensator.name) == "active"
     model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
-    assert probe.get(compensator.name, "model.saturation_v") == model["saturation_v"] != MODEL["saturation_v"]
+    assert list(probe.get(compensator.name, "model.saturation_v")) == model["saturation_v"] != MODEL["saturation_v"]
     voltages = np.array([message.data for _, message in heard])
     assert np.max(np.abs(voltages)) <= 2.5
-
-    for _ in range(3):
-        nrmse_percent, stall_s = tracked(probe, publisher, moved)
-        print(f"{answer.message}; tracking NRMSE {nrmse_percent:.3f} %, longest stall {1e3 * stall_s:.0f} ms")
-        if nrmse_percent <= 0.36:
-            break
-        # The record of a calibration is disturbed by stalls too: on a machine this busy, calibrate anew.
-        answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
-        assert answer.success, answer.message
+    nrmse_percent = tracked(clock, publisher, moved)
+    print(f"{answer.message}; {clock.time_s:.0f} s of the stage's time; tracking NRMSE {nrmse_percent:.3f} %")
     assert nrmse_percent <= 0.36
 
 
-def tracked(probe, publisher, moved) -> tuple[float, float]:
-    """Return NRMSE [%] of following a swing, by the stamps of target and stage, and the longest stall [s]."""
-    probe.drive(publisher, lambda t: 0.0, 0.3)
+def tracked(clock: Lockstep, publisher, moved: list) -> float:
+    """Return NRMSE [%] of following a swing, by the stamps of the stage."""
+    sent: list[tuple[float, float]] = []
+
+    def follow(target_m, duration_s: float) -> None:
+        began_s = clock.time_s
+        while clock.time_s < began_s + duration_s:
+            sent.append((clock.time_s, target_m(clock.time_s - began_s)))
+            publisher.publish(JointState(name=["piezo"], position=[sent[-1][1]]))
+            clock.step()
+
+    follow(lambda t: 0.0, 0.3)
     moved.clear()
-    offset_s = time.time() - time.perf_counter()
-    swing = lambda t: 1e-6 * (1.5 * math.sin(1.0 * t) + 0.5 * math.sin(2.1 * t))  # noqa: E731
-    sent = np.array(probe.drive(publisher, swing, 6.0, rate_hz=500.0))
-    sent[:, 0] += offset_s
+    sent.clear()
+    follow(lambda t: 1e-6 * (1.5 * math.sin(1.0 * t) + 0.5 * math.sin(2.1 * t)), 6.0)
+    targets = np.array(sent)
     times = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for _, m in moved])
     values = np.array([m.position[0] for _, m in moved])
-    inside = (times > sent[0, 0]) & (times < sent[-1, 0])
-    times, values = times[inside], values[inside]
-    error = values - np.interp(times, sent[:, 0], sent[:, 1])
-    stall_s = max(np.max(np.diff(times)), np.max(np.diff(sent[:, 0])))
-    return 100.0 * float(np.sqrt(np.mean(error**2)) / np.ptp(values)), float(stall_s)
+    inside = (times > targets[0, 0]) & (times < targets[-1, 0])
+    error = values[inside] - np.interp(times[inside], targets[:, 0], targets[:, 1])
+    return 100.0 * float(np.sqrt(np.mean(error**2)) / np.ptp(values[inside]))
 
 
 def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, probe, start):
@@ -89,7 +137,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     probe.drive(publisher, lambda t: 0.5e-6, 0.2)
 
     def check(future, named: str) -> None:
-        probe.until(lambda: future.done(), f"end of calibration: {named}", 60.0)
+        probe.until(lambda: future.done(), f"end of calibration: {named}")
         assert not future.result().success, named
         assert named in future.result().message, future.result().message
         assert probe.state(compensator.name) == "active", named
@@ -106,7 +154,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
         if stage_of_work == "fitting":  # long enough to be cancelled in
             assert probe.set_one(identification.name, "n_elements", 0).successful
         future = client.call_async(Trigger.Request())
-        probe.until(lambda s=stage_of_work, f=future: doing(s) or f.done(), stage_of_work, 60.0)
+        probe.until(lambda s=stage_of_work, f=future: doing(s) or f.done(), stage_of_work)
         assert not future.done(), future.result()
         assert probe.trigger(f"{identification.name}/cancel").success
         check(future, "cancelled")
@@ -119,14 +167,14 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     # The stage dies in the middle.
     future = client.call_async(Trigger.Request())
     probe.diagnostics.clear()
-    probe.until(lambda: doing("driving"), "driving", 60.0)
+    probe.until(lambda: doing("driving"), "driving")
     stage.process.kill()
     check(future, "no displacement")
     # The compensator dies: nothing to bring back, and the node says so.
     compensator.process.kill()
     compensator.process.wait()
     future = client.call_async(Trigger.Request())
-    probe.until(future.done, "refusal", 60.0)
+    probe.until(future.done, "refusal")
     assert not future.result().success
     assert isinstance(heard[-1][1], Float64)
 
@@ -166,7 +214,7 @@ def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start
         moved = probe.record("displacement", JointState)
         probe.until(lambda: moved, "displacement", 30.0)
         begun_s, begun_sim_s = time.monotonic(), moved[-1][1].header.stamp.sec
-        answer = probe.trigger(f"{identification.name}/calibrate", 60.0)
+        answer = probe.trigger(f"{identification.name}/calibrate")
         assert answer.success, answer.message
         elapsed_s, elapsed_sim_s = time.monotonic() - begun_s, moved[-1][1].header.stamp.sec - begun_sim_s
         print(f"{elapsed_sim_s} simulated seconds in {elapsed_s:.1f}: {answer.message}")
