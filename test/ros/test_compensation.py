@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import journal_records, model_file
 from sensor_msgs.msg import JointState
 from small_model import compensator_of
+from std_msgs.msg import Float64
 
 
 def swing(t: float) -> float:
@@ -89,10 +90,14 @@ def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
     bad = (math.nan, math.inf, -math.inf, 1e300, 1.0)
     # Each alone, until it has been refused: of several that wait for a busy node only the last is read.
     n_refused = 0
+
+    def is_refused(value: float) -> bool:
+        publisher.publish(Float64(data=value))
+        return int(probe.diagnostics.get(node.name, {}).get("refused_messages", 0)) >= n_refused
+
     for value in bad:
-        while int(probe.diagnostics.get(node.name, {}).get("refused_messages", 0)) < n_refused + 10:
-            probe.drive(publisher, lambda t, value=value: value, 0.1)
         n_refused += 10
+        probe.until(lambda value=value: is_refused(value), f"{value} refused")
     assert "0.1 m" in probe.diagnostics[node.name]["last_refusal"]
     n = len(heard)
     probe.until(lambda: len(heard) > n + 20, "voltage after bad targets")
