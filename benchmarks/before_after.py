@@ -30,7 +30,7 @@ compensator = Compensator(model)
 steps_s, voltage_v = drive(n)
 moved_um = model.simulate(steps_s, voltage_v)
 compensator.run(steps_s, moved_um)
-forward_us, inverse_us = _step_costs(20_000)
+forward_us, inverse_us = (min(costs) for costs in zip(*(_step_costs(20_000) for _ in range(5))))
 print(json.dumps({
     "forward [ns/sample]": 1e9 * best_of(lambda: model.simulate(steps_s, voltage_v)) / n,
     "inverse [ns/sample]": 1e9 * best_of(lambda: compensator.run(steps_s, moved_um)) / n,
