@@ -164,6 +164,7 @@ def diagnose(
         RecordingError: a record nothing can be learnt from.
         ParameterError: an unknown cause.
     """
+    # Many arguments: the choices of one diagnosis, each with its usual value and given by name.
     tell = progress or (lambda _share, _text: None)
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     check_usable([r for r in (*given, test, report) if r is not None])

@@ -132,6 +132,7 @@ def refit(
         hopeless_um2: a start whose sum of squares is still above this after some iterations is given up.
         executor: simulates the parameters' directions side by side where given; not one this call runs in.
     """
+    # Many arguments: what the search knows beforehand saves it most of the work; who only fits leaves them out.
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
     coordinates = np.array([p.coordinate(p.get(chain)) for p in free])

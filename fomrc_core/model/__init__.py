@@ -6,7 +6,6 @@
 __all__ = [
     "causes",
     "compensator",
-    "inputs",
     "kernels",
     "literal_model",
     "piezo_model",

@@ -6,6 +6,5 @@ Each is a packed state and the kernels that move it; neither knows the other.
 __all__ = [
     "creep",
     "creep_full_memory",
-    "creep_modes",
     "hysteresis",
 ]

@@ -4,7 +4,6 @@ What a drive of a certain shape is (turning points, kinds of loops, repeats) is 
 """
 
 __all__ = [
-    "arguments",
     "drive",
     "excitation",
     "noise",
