@@ -25,15 +25,17 @@ from fomrc_core.records.drive import held_out_blocks, learned_blocks
 
 Array = NDArray[np.float64]
 
-_MAX_CANDIDATES = 5
+_MAX_CANDIDATES = 5  # refits of a round, by either view: they take most of its time
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
 _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
 _ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
-_CLOSE_TO_BEST = 0.2
+_CLOSE_TO_BEST = 0.2  # of what the best signature explains; a cause that explains less waits for another round
+# Of the logarithmic gain in training beside that on held-out data: any cause with more parameters gains there, so it
+# counts for less.
 _TRAINING_COUNTS = 0.3
-_RICH_PENALTY = 1.02
-_LEAST_SCORED = 0.3  # of the held-out samples; where less is determined nothing is left out
-_HOPELESS = 4.0  # times the least squared error so far
+_RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
+_LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
+_HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
 _LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 

@@ -45,7 +45,6 @@ N_THRESHOLDS = 112  # of the first fit
 N_GRID = 224  # from which plays are then chosen: a ceramic's own are not on the grid
 EXPLAINED_RATIO = 1.5  # of any record to the noise floor
 EXPLAINED_HELD_OUT_RATIO = 1.2  # the same on held-out data, where the floor has all of the noise in it
-_LARGEST_RATIO_OF_RANGES = 1e4
 
 
 class Status(Enum):

@@ -23,7 +23,7 @@ from fomrc_core.records.drive import begins_at_zero
 
 Array = NDArray[np.float64]
 
-_MAX_STARTS = 12
+_MAX_STARTS = 12  # instances simulated at full size, a simulation each
 
 
 def clear_error(start: TrialModel, split: DataSplit, directions: Tangent) -> float:

@@ -11,7 +11,7 @@ from fomrc_core.fitting.linear_part import tangent
 from fomrc_core.fitting.trial_model import TrialModel
 
 _LARGEST = 10.0  # times its mean over the learned samples, number of columns over number of samples
-_RIDGE = 1e-9
+_RIDGE = 1e-9  # of orthonormal columns, whose moment is 1: far below what any sample determines
 
 
 def determined(

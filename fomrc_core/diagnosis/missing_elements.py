@@ -17,7 +17,7 @@ from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.piezo_model import PiezoModel
 
-_SIGNIFICANCE = 0.01
+_SIGNIFICANCE = 0.01  # of one diagnosis, shared by the causes it tries
 
 
 def coarse_model(given: PiezoModel, split: DataSplit) -> TrialModel:

@@ -22,8 +22,8 @@ from fomrc_core.records.residual import rms
 
 Array = NDArray[np.float64]
 
-_LONG_DRIVE_S = (60.0, 300.0)
-_N_LONG_CYCLES = 12
+_LONG_DRIVE_S = (60.0, 300.0)  # what drifts shows in a minute; longer than five nobody waits
+_N_LONG_CYCLES = 12  # motion throughout, at many amplitudes
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,11 @@ from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.prehistory import Prehistory
 
+# Half a decade about the present size, finer near it, where a step is still far outside what a fit finds its way from.
 _EXCURSION_FACTORS = (0.25, 0.4, 0.55, 0.7, 0.8, 0.9, 1.1, 1.2, 1.4)
+# Creep forgets with the logarithm of time: half decades over three of them.
 _TIME_FACTORS = (0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
-_N_SWEEPS = 2
+_N_SWEEPS = 2  # each once more beside the others
 
 
 def way_v(cause: Cause) -> float:

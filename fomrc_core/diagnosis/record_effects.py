@@ -18,8 +18,8 @@ from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.drive import learned_blocks
 
-_MAX_TRIALS = 12
-_MAX_STARTS = 3
+_MAX_TRIALS = 12  # instances simulated at full size, a simulation each
+_MAX_STARTS = 3  # of them fitted
 
 
 def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:

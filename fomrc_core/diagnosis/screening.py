@@ -6,6 +6,7 @@ part could explain of it, is compared with the residual.
 
 from __future__ import annotations
 
+import logging
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, product, whitening_of
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.effects import Effect, Stage
+from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.errors import ParameterError
@@ -24,6 +25,8 @@ from fomrc_core.fitting.linear_part import centred, record_columns, squared_erro
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
+
+_log = logging.getLogger(__name__)
 
 _LEAST_POWER = 1e-6  # of that of the play that moves most
 
@@ -111,8 +114,18 @@ def screen(
     _ = present.clear_um, present.predicted_um  # made here once, not by every thread
 
     def of_cause(name: str) -> list[Screened]:
+        try:
+            return of_kind(cause_classes()[name])
+        except Exception as error:
+            if not is_foreign(name):
+                raise
+            # a stranger's code may raise anything: the diagnosis goes on without it, and says so
+            words = " ".join(f"{type(error).__name__}: {error}".split())
+            _log.warning("cause %s is left out: its own code raised %s", name, words)
+            return []
+
+    def of_kind(kind: type[Cause]) -> list[Screened]:
         found: list[Screened] = []
-        kind = cause_classes()[name]
         for cause in kind.screening(evidence):
             if isinstance(cause, Effect) and ColumnKinds.plays_of(cause).owners:
                 found.append(_screen_family(present, cause))

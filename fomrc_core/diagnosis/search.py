@@ -26,10 +26,10 @@ from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 
-MAX_FINDINGS = 5
+MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
-_LEAST_SIGMAS = 3.0
-_PRUNED = 0.03
+_LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
+_PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 
 @dataclass(frozen=True, eq=False)

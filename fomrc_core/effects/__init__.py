@@ -23,6 +23,7 @@ __all__ = [
     "base",
     "effect_classes",
     "in_chain_order",
+    "is_foreign",
     "why_left_out",
 ]
 
@@ -32,6 +33,11 @@ def effect_classes() -> dict[str, type[Effect]]:
     """Return every effect class by its name, in the order of the chain."""
     found = [*_own().values(), *_foreign().kinds]
     return {kind.name: kind for kind in sorted(found, key=lambda kind: (kind.stage, kind.order, kind.name))}
+
+
+def is_foreign(name: str) -> bool:
+    """Return whether the effect of this name comes from another package."""
+    return any(kind.name == name for kind in _foreign().kinds)
 
 
 def why_left_out() -> dict[str, str]:

@@ -11,7 +11,7 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.errors import ParameterError
 
-_NO_LIMIT_V = 1e6
+_NO_LIMIT_V = 1e6  # beyond any amplifier: a side that does not act
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from fomrc_core.effects.base.kernels import knee_block, run_knees
 from fomrc_core.errors import ParameterError
 from fomrc_core.records.drive import MANY_LOOPS
 
+# Of the range of the drive, half widths and knees of the family: as fine as loops of few, or of many, kinds determine.
 _THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
 _KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
 _FINE_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)

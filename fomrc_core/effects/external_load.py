@@ -11,11 +11,11 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
-_NEVER_S = 1e9
-_RISE_S = 0.03
-_BESIDE_S = 0.25
-_SURE = 5.0
-_SHORTEST_S = 1.0
+_NEVER_S = 1e9  # beyond any record: a load that stays
+_RISE_S = 0.03  # a load put down by hand or machine has come to bear by then
+_BESIDE_S = 0.25  # on either side of an edge: long enough for a line, short enough for what creeps to be one
+_SURE = 5.0  # standard errors of a jump
+_SHORTEST_S = 1.0  # a shorter push is no load but a knock
 _FIRST_MOVE = 0.1  # of the range of the drive
 
 

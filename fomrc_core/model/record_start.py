@@ -18,8 +18,8 @@ from fomrc_core.records.residual import residual_um, rms
 # Long enough that a start is told from another, short enough that the rest of the record is a prediction.
 _SHARE_OF_RECORD = 0.1
 _N_SAMPLES_MIN = 200
-_LONG_S = 1000.0
-_MOMENT_S = 0.5
+_LONG_S = 1000.0  # creep of an order of some hundredths has come to rest by then
+_MOMENT_S = 0.5  # as who moves a stage by hand or by a program waits before a record
 
 
 @dataclass(frozen=True, eq=False)

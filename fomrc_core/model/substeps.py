@@ -16,11 +16,13 @@ Array = NDArray[np.float64]
 # What a model file without the key ``substeps`` means: it was written before there was one.
 BY_EFFECTS = "by_effects"
 
+# In how many parts: a mass that rings was then followed to 0.2 % of its swing after jumps of a tenth of the range and
+# more (test_substeps.py).
 N_SUBSTEPS = 5
 N_PARTS_LARGE = 8
-N_PARTS_FEW = 4
+N_PARTS_FEW = 4  # for directions of a fit, whose residual is measured with more
 LARGE_CHANGE = 0.02  # of the largest threshold
-SMALL_CHANGE = 1e-3
+SMALL_CHANGE = 1e-3  # of the same: the bend within a step goes with the square of its change, here a millionth
 
 # Creep after a jump D bends by about D a / m^2 in the m-th step after it (a: creep order, a few hundredths).
 _BEND_AFTER = 0.1

@@ -11,8 +11,8 @@ from fomrc_core.compute.compiled import compiled
 
 Array = NDArray[np.float64]
 
-DELAY_CAPACITY = 4096
-_DELAY_HEADER = 3
+DELAY_CAPACITY = 4096  # steps a delay line holds: 64 kB of state
+_DELAY_HEADER = 3  # count, elapsed time [s], reading place
 
 
 @compiled

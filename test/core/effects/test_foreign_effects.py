@@ -229,3 +229,26 @@ def test_a_broken_or_a_second_one_is_one_line_and_the_rest_goes_on(tmp_path: Pat
     refused = _run(site, tmp_path, "-m", "fomrc_core.cli", "simulate", "-m", "m.yaml", "-i", "in.csv", "-o", "o.csv")
     assert refused.returncode == 2
     assert "half_done" in refused.stderr.splitlines()[-1]
+
+
+def test_one_whose_code_raises_does_not_take_a_diagnosis_along(tmp_path: Path) -> None:
+    pytest.importorskip("pip")
+    site = tmp_path / "site"
+    raising = foreign_package.SELF_HEATING.replace("longest = evidence.duration_s", "raise KeyError('not today')")
+    foreign_package.install(site, "their_stage", {"self_heating": "their_stage:SelfHeating"}, raising)
+    script = """
+import numpy as np
+from fomrc_core import Recording, diagnose
+from fomrc_core.model.causes import cause_classes
+time_s = np.arange(2000) / 200.0
+voltage_v = np.sin(time_s) * np.linspace(1.0, 0.3, 2000)
+record = Recording(time_s, voltage_v, 2.0 * voltage_v + np.random.default_rng(1).normal(0.0, 1e-3, 2000))
+others = [name for name in cause_classes() if name not in ("self_heating", "cross_axis")]
+print(diagnose(record, excluded_causes=others).status.value)
+"""
+    done = _run(site, tmp_path, "-c", script)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["nothing_found"]
+    assert set(done.stderr.splitlines()) == {
+        "cause self_heating is left out: its own code raised KeyError: 'not today'"
+    }
