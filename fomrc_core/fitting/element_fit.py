@@ -22,7 +22,7 @@ from fomrc_core.operators.hysteresis import OperatorSum
 Array = NDArray[np.float64]
 
 _ORDER_STEP = 1e-4
-_MAX_ORDER = 0.6
+_MAX_ORDER = 1.0  # what a model may have
 _CONVERGED = 1e-6
 
 
