@@ -3,16 +3,19 @@
 python examples/diagnose.py
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fomrc_core import Recording, diagnose, read_model
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.excitation import multisine, triangle
 
 model = read_model(Path(__file__).parents[1] / "config" / "pi_p753_table1.yaml")
-stage = model.with_effects(AmplifierBandwidth(cutoff_hz=40.0))
+# A stage knows nothing of samples: its hysteresis bends the response within a step as well.
+stage = replace(model.with_effects(AmplifierBandwidth(cutoff_hz=40.0)), substeps=Substeps.BENDS)
 noise = np.random.default_rng(2)
 
 

@@ -102,6 +102,17 @@ def test_every_page_is_in_the_index() -> None:
         assert f"\n## {part}" in index
 
 
+def test_pages_on_the_layout_name_every_room() -> None:
+    rooms = {path.parent.name for path in (_ROOT / "fomrc_core").glob("*/__init__.py")}
+    readme = (_ROOT / "README.md").read_text(encoding="utf-8")
+    assert [room for room in sorted(rooms) if f"{room}/`" not in readme] == []
+    for page in ("CONTRIBUTING.md", "docs/explanation/model.md", "docs/decisions/storage-above-model.md"):
+        text = (_ROOT / page).read_text(encoding="utf-8")
+        layers = re.search(r"    errors, compute < .*\n.*", text)
+        assert layers is not None, page
+        assert [room for room in sorted(rooms) if not re.search(rf"\b{room}\b", layers[0])] == [], page
+
+
 def test_the_pages_name_modules_that_exist() -> None:
     missing = []
     for path in _PAGES:
