@@ -83,10 +83,7 @@ def _drive_in_words(proposal: str, setup: Setup, part: str) -> np.ndarray:
     if "slow triangle" in words or ("triangle" in words and "fast" not in words):
         drives.slow_triangle(drive, rng, 4.0, 5)
         if "several mean" in words or "small" in words:
-            for fraction in rng.permutation(np.linspace(0.1, 0.9, 6)):
-                for _ in range(3):
-                    drive.line(drive.level(min(1.0, fraction + 0.1)), 2.0)
-                    drive.line(drive.level(max(0.0, fraction - 0.1)), 2.0)
+            _small_loops(drive, rng)
     if "fast triangle" in words:
         drives.fast_triangle(drive, rng, 300.0, 3.0)
     if "step" in words:
@@ -159,3 +156,11 @@ def run(settlement: Settlement, folder: str) -> str:
         }
     write_json(outcome, Path(folder) / f"{settlement.key}.json")
     return settlement.key
+
+
+def _small_loops(drive: drives.Drive, rng: np.random.Generator) -> None:
+    """Add three small loops about each of several mean voltages."""
+    for fraction in rng.permutation(np.linspace(0.1, 0.9, 6)):
+        for _ in range(3):
+            drive.line(drive.level(min(1.0, fraction + 0.1)), 2.0)
+            drive.line(drive.level(max(0.0, fraction - 0.1)), 2.0)
