@@ -12,6 +12,7 @@ from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
+from fomrc_core.records.noise import autocorrelation_inflation
 
 SURE = 10.0  # difference in log likelihood that settles it
 _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
@@ -67,6 +68,27 @@ def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) ->
         if loss < SURE and (not same_shape or loses_to(list(winner.held), list(other.held)) > _TIE_P_VALUE):
             tied.append(other)
     return tied
+
+
+def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
+    """Return by how much the winner is likelier than the next plausible candidate, in log likelihood [1].
+
+    Training and held-out data speak together, each sample counted as often as it is independent of its neighbours;
+    infinite where nothing else explains the data at all.
+    """
+    n_train = _n_effective(winner.fitted, split)
+    margins = []
+    for other in candidates:
+        if other is winner or not other.is_plausible:
+            continue
+        gained = 0.5 * n_train * math.log(other.fitted.squared_error / winner.fitted.squared_error)
+        same_shape = len(other.held) == len(winner.held)
+        for mine, its in zip(winner.held, other.held, strict=False):
+            if same_shape and mine.size == its.size:
+                independent = mine.size / autocorrelation_inflation(mine)
+                gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
+        margins.append(gained)
+    return min(margins, default=math.inf)
 
 
 def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:

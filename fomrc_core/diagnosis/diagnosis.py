@@ -11,21 +11,25 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
-from fomrc_core.diagnosis.extended_model import extend
+from fomrc_core.diagnosis.decision import residual_inflation
+from fomrc_core.diagnosis.extended_model import never_worse
 from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
+from fomrc_core.diagnosis.judgement import Judgement, Status, judge
+from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
+from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, Step, search
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, rebased, threshold_grid
-from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.fit_record import FitRecord, shortest_time
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.linear_part import centred, residuals
 from fomrc_core.fitting.play_columns import ColumnKinds
@@ -43,18 +47,6 @@ Progress = Callable[[float, str], None]
 
 N_THRESHOLDS = 112  # of the first fit
 N_GRID = 224  # from which plays are then chosen: a ceramic's own are not on the grid
-EXPLAINED_RATIO = 1.5  # of any record to the noise floor
-EXPLAINED_HELD_OUT_RATIO = 1.2  # the same on held-out data, where the floor has all of the noise in it
-
-
-class Status(Enum):
-    """What a diagnosis came to."""
-
-    EXPLAINED = "explained"
-    SUSPECT = "suspect"
-    AMBIGUOUS = "ambiguous"
-    UNEXPLAINED = "unexplained"
-    NOTHING_FOUND = "nothing_found"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +61,7 @@ class RecordView:
         measured_um: measured displacement [um].
         residual_before_um: measured minus the base model [um], offset removed.
         residual_after_um: measured minus the extended model [um], offset removed.
+        is_scored: samples that say something of the model.
     """
 
     name: str
@@ -78,6 +71,7 @@ class RecordView:
     measured_um: Array
     residual_before_um: Array
     residual_after_um: Array
+    is_scored: NDArray[np.bool_]
 
     def __str__(self) -> str:
         before, after = 1e3 * rms(self.residual_before_um), 1e3 * rms(self.residual_after_um)
@@ -90,6 +84,8 @@ class Diagnosis:
 
     Attributes:
         status: of the whole.
+        judgement: whether what is left is noise, and the tests that say so.
+        probability_of_unknown: that something acts that is not in the library [1].
         noise: noise floor by either way [um].
         noise_floor_um: the floor errors are compared with [um].
         baseline_train_percent: NRMSE of the base model on the training data [%].
@@ -106,6 +102,8 @@ class Diagnosis:
     """
 
     status: Status
+    judgement: Judgement
+    probability_of_unknown: float
     noise: NoiseFloor
     noise_floor_um: float
     baseline_train_percent: float
@@ -133,6 +131,7 @@ class Diagnosis:
             f"held-out error ({self.quoted_on}): {self.baseline_test_percent:.4g} % -> {self.final_test_percent:.4g} %"
             f" of the range; unexplained {self.unexplained_percent:.3g} %"
         )
+        lines += [f"what is left is not noise: {reason}" for reason in self.judgement.reasons]
         lines.append(f"next: {self.next_experiment}")
         return "\n".join(lines)
 
@@ -191,7 +190,8 @@ def diagnose(
 
 def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
     columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
-    model, _, _ = fit_base(split.train, columns, choose_starts(split.train))
+    records = (*split.train, *(part.record for part in (*split.held, *split.report)))
+    model, _, _ = fit_base(split.train, columns, choose_starts(split.train), shortest_time_s=shortest_time(records))
     n_grid = min(max(longest_sweep([r.voltage_v for r in split.train]), n_thresholds), N_GRID)
     nothing = tuple(() for _ in range(split.n_records))
     model = replace(model, record_effects=nothing, grid_v=threshold_grid(split.train, n_grid))
@@ -201,8 +201,8 @@ def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
 def _result(
     split: DataSplit, noise: NoiseFloor, base: TrialModel, found: SearchResult, first: Step | None, tell: Progress
 ) -> Diagnosis:
+    found, extension = never_worse(found, base, split)
     steps = (first, *found.steps) if first is not None else found.steps
-    extension = extend(found.model, split)
     tell(0.97, "what remains")
     records, worst, floor = _views(split, base, extension.trial, noise)
     span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
@@ -212,19 +212,16 @@ def _result(
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
-    is_clean = worst <= EXPLAINED_RATIO * floor
-    if tied:
-        status = Status.AMBIGUOUS
-    elif findings:
-        # a cause that stands in for the true one comes close; what it leaves is told from noise by repeats alone
-        ratio = EXPLAINED_HELD_OUT_RATIO if noise.sees_slow_noise else EXPLAINED_RATIO
-        status = Status.EXPLAINED if is_clean and after <= ratio * floor else Status.SUSPECT
-    else:
-        status = Status.NOTHING_FOUND if is_clean else Status.UNEXPLAINED
-    excess = max(before**2 - floor**2, 1e-300)
-    unexplained = 100.0 * float(np.clip((after**2 - floor**2) / excess, 0.0, 1.0)) if before > floor else 0.0
+    tests = dependences([_driven(view) for view in records])
+    inflation = residual_inflation(found.final.residual, split.train)
+    learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
+    judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning)
+    findings = with_probabilities(findings, judgement, tuple(tied))
+    status = judgement.status(len(findings), bool(tied))
     return Diagnosis(
         status=status,
+        judgement=judgement,
+        probability_of_unknown=probability_of_unknown(judgement, findings),
         noise=noise,
         noise_floor_um=floor,
         baseline_train_percent=100.0 * train / train_span,
@@ -232,12 +229,18 @@ def _result(
         final_test_percent=100.0 * after / span,
         findings=findings,
         ambiguous_with=tuple(tied),
-        unexplained_percent=unexplained,
+        unexplained_percent=100.0 * judgement.unexplained_share,
         smallest_detectable=smallest_detectable(found.screened, split),
         next_experiment=propose(status.value, steps, found.runner_up, extension.model, split, floor),
         extended_model=extension.model,
         records=records,
         quoted_on=split.report[0].record.recording.name,
+    )
+
+
+def _driven(view: RecordView) -> DrivenRecord:
+    return DrivenRecord(
+        view.time_s, view.voltage_v, view.measured_um - view.residual_after_um, view.residual_after_um, view.is_scored
     )
 
 
@@ -254,7 +257,16 @@ def _views(
         before = _best_start(base, record, part.index)
         after = _best_start(model, record, part.index)
         views.append(
-            RecordView(record.recording.name, role, record.time_s, record.voltage_v, record.measured_um, before, after)
+            RecordView(
+                record.recording.name,
+                role,
+                record.time_s,
+                record.voltage_v,
+                record.measured_um,
+                before,
+                after,
+                record.is_used,
+            )
         )
         errors.append(rms(after[record.is_used]))
         if role == "train":

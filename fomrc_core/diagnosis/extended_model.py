@@ -1,4 +1,4 @@
-"""From a fitted chain to an extended model: non-negative elements and the effects found."""
+"""From a model under fit to an extended model: non-negative elements and the effects found."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import product, signed_weights
-from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit
+from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals
+from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.search import SearchResult
 from fomrc_core.effects import Effect
 from fomrc_core.effects.base.cause import Cause
-from fomrc_core.fitting.linear_part import centred, record_columns
+from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.linear_part import Tangent, centred, record_columns, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 
 Array = NDArray[np.float64]
+
+_MAX_TURNS = 6
+_LEAST_GAIN = 1e-3  # of the squared error: less is not worth another turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +39,51 @@ class Extension:
     trial: TrialModel
 
 
-def extend(model: TrialModel, split: DataSplit) -> Extension:
-    """Return the model of a model: its weights made those of Maxwell elements, its effects kept.
+def never_worse(found: SearchResult, base: TrialModel, split: DataSplit) -> tuple[SearchResult, Extension]:
+    """Return the findings and the model of them that does no worse on held-out data than the base.
+
+    What a search fits has weights of either sign; what is written must have those of Maxwell elements. A cause whose
+    gain was owed to weights no element can have is no finding: the last is given back until the model gains.
+    """
+    error_before = _held_error(_extend(base, split).trial, split)
+    while True:
+        extension = _fitted(found.model, split)
+        if not found.steps or _held_error(extension.trial, split) <= error_before:
+            return found, extension
+        last = found.steps[-1]
+        final = refit(last.before, split.train, n_iterations=2)
+        model = follow_held(final.model, split)
+        found = replace(found, model=model, final=final, steps=found.steps[:-1], runner_up=last.accepted)
+
+
+def _held_error(model: TrialModel, split: DataSplit) -> float:
+    return float(sum(np.dot(v, v) for v in held_residuals(model, split.held)))
+
+
+def _fitted(model: TrialModel, split: DataSplit) -> Extension:
+    """Return the extension with effects and non-negative weights fitted in turn, while that gains in training."""
+    best = _extend(model, split)
+    error = squared_error(split.train, residuals(best.trial, split.train))
+    for _ in range(_MAX_TURNS):
+        # columns of zeros: no direction of the linear part moves beside the effects
+        still = Tangent(
+            tuple(np.zeros((r.time_s.size, best.trial.weights.size + 1)) for r in split.train),
+            np.zeros((best.trial.weights.size + 1, 1)),
+        )
+        moved = refit(best.trial, split.train, still, n_iterations=4, is_linear_free=False).model
+        other = _extend(moved, split)
+        error_after = squared_error(split.train, residuals(other.trial, split.train))
+        if not error_after < error:
+            break
+        is_still = error_after > (1.0 - _LEAST_GAIN) * error
+        best, error = other, error_after
+        if is_still:
+            break
+    return best
+
+
+def _extend(model: TrialModel, split: DataSplit) -> Extension:
+    """Return the extended model of a model under fit: its weights made those of Maxwell elements, its effects kept.
 
     The weights a search fits may be of either sign; here they are fitted once more, non-negative, with all else
     as found.
@@ -59,7 +108,9 @@ def extend(model: TrialModel, split: DataSplit) -> Extension:
     of_records = _first_of_records(final, len(split.train)).values()
     effects = (*final.actuator_effects(), *(c for c in of_records if isinstance(c, Effect)))
     start = next((c for c in of_records if isinstance(c, Prehistory)), None)
-    extended = PiezoModel(*elements_from_play_form(operator), final.creep_order, effects, start, SUBSTEPS)
+    extended = PiezoModel(
+        *elements_from_play_form(operator), final.creep_order, effects, start, SUBSTEPS, final.shortest_time_s
+    )
     return Extension(extended, final)
 
 

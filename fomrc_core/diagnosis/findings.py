@@ -35,6 +35,8 @@ class Finding:
         p_value: of the hypothesis that it gains nothing on held-out data.
         evidence: why it was accepted, in a sentence.
         meaning: what it is, in a sentence.
+        margin: by how much it was likelier than the next cause when it was accepted, in log likelihood [1].
+        probability: that it is the cause, and not another or one that is not in the library [1].
     """
 
     cause: str
@@ -46,6 +48,8 @@ class Finding:
     p_value: float
     evidence: str
     meaning: str
+    margin: float = 0.0
+    probability: float = float("nan")
 
     def __str__(self) -> str:
         return self.sentence()
@@ -63,7 +67,7 @@ class Finding:
             shown.append(f"{name} {value:.5g}" + (f" +- {error:.2g}" if error is not None else ""))
         return (
             f"{self.cause} ({', '.join(shown)}): held-out error {self.nrmse_percent_test_before:.4g} % -> "
-            f"{self.nrmse_percent_test_after:.4g} %"
+            f"{self.nrmse_percent_test_after:.4g} %; probability {100.0 * self.probability:.0f} %"
         )
 
 
@@ -114,6 +118,7 @@ def findings_of(
                 score.p_value,
                 evidence,
                 kind.meaning,
+                step.margin,
             )
         )
     return tuple(found)

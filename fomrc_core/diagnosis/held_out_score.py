@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 from scipy.stats import norm, wilcoxon
 from scipy.stats import t as student
 
+from fomrc_core.records.noise import autocorrelation_inflation
+
 Array = NDArray[np.float64]
 
 WORTHWHILE_LOG_GAIN = 0.08
 WORTHWHILE_LOCAL_LOG_GAIN = 0.5
 _ACTIVE_ENERGY = 0.95
 _LOCAL_SHARE = 0.4
-_BLOCK = 250
-# An effect that acts at a few moments has few blocks to speak for it: they are made smaller until there are enough.
-_BLOCKS = (_BLOCK, 20, 4, 1)
-_NOISE_CORRELATION = 4.0
+# Blocks are independent where each is many times as long as what it averages is correlated with itself. An effect
+# that acts at a few moments has few blocks to speak for it: there they are made shorter, but never so short that
+# neighbours say the same.
+_BLOCK_CORRELATIONS = (16.0, 8.0, 4.0)
 _ENOUGH_BLOCKS = 14  # ranks of fewer cannot be surer than 1e-4
+_MOST_BLOCKS = 400  # more make the test no surer, only the tails of single samples heavier
 
 
 @dataclass(frozen=True)
@@ -83,13 +86,11 @@ def _clark_west(before: list[Array], after: list[Array]) -> float:
     # The larger of two nested models carries the noise of its extra parameters; Clark and West (2007) add it back.
     gain = [b * b - a * a + (b - a) ** 2 for b, a in zip(before, after, strict=True)]
     activity = [(b - a) ** 2 for b, a in zip(before, after, strict=True)]
-    for size in _BLOCKS:
-        means, energies = [], []
-        for g, e in zip(gain, activity, strict=True):
-            n_blocks = max(g.size // size, 1)
-            means += [float(np.mean(part)) for part in np.array_split(g, n_blocks)]
-            energies += [float(np.sum(part)) for part in np.array_split(e, n_blocks)]
-        m, w = np.array(means), np.array(energies)
+    inflation = _inflation(gain)
+    active = np.zeros(0)
+    for correlations in _BLOCK_CORRELATIONS:
+        m = np.array(_block_means(gain, correlations * inflation))
+        w = np.array(_block_means(activity, correlations * inflation))
         # blocks in which the two models hardly differ cannot speak for either
         active = m[w > 1e-3 * max(float(np.max(w)), 1e-300)]
         if active.size >= _ENOUGH_BLOCKS:
@@ -101,29 +102,42 @@ def _clark_west(before: list[Array], after: list[Array]) -> float:
         return 0.0 if float(np.mean(active)) > 0.0 else 1.0
     by_mean = float(student.sf(float(np.mean(active)) / (spread / math.sqrt(active.size)), active.size - 1))
     # Gains of an effect that acts at a few moments are far from normal; their ranks are not. Two tests: twice the p.
-    by_rank = float(wilcoxon(active, alternative="greater").pvalue) if active.size >= 8 else 1.0
+    by_rank = float(wilcoxon(active, alternative="greater").pvalue)
     return min(1.0, 2.0 * min(by_mean, by_rank))
+
+
+def _inflation(series: list[Array]) -> float:
+    """Return by how much the mean of the longest stretch varies more than if its samples were independent."""
+    return autocorrelation_inflation(max(series, key=lambda values: values.size))
+
+
+def _block_means(series: list[Array], block: float) -> list[float]:
+    """Return means over blocks of at least this many samples, stretch by stretch."""
+    n_samples = sum(values.size for values in series)
+    size = max(block, n_samples / _MOST_BLOCKS)
+    return [
+        float(np.mean(part)) for values in series for part in np.array_split(values, max(int(values.size / size), 1))
+    ]
 
 
 def _by_noise(before: list[Array], after: list[Array]) -> float:
     # Too few moments for their own spread: were the smaller model true, its residual b were noise, and the drop of the
-    # sum of squares normal about -sum d^2 with variance 4 sigma^2 sum d^2 (d the difference of the two models).
+    # sum of squares normal about -sum d^2 with variance 4 sigma^2 sum d^2 (d the difference of the two models), as many
+    # times larger as the noise is correlated with itself over the moments in which d acts.
     b, a = np.concatenate(before), np.concatenate(after)
     power = float(np.sum((b - a) ** 2))
     if power == 0.0:
         return 1.0
     drop = float(np.sum(b * b - a * a))
-    spread = 2.0 * math.sqrt(_NOISE_CORRELATION * float(np.mean(a * a)) * power)
+    inflation = max(_inflation(after), 1.0)
+    spread = 2.0 * math.sqrt(inflation * float(np.mean(a * a)) * power)
     return float(norm.sf((drop + power) / spread))
 
 
 def loses_to(best: list[Array], other: list[Array]) -> float:
     """Return the p-value of the hypothesis that the other model is as good as the best one (Diebold-Mariano)."""
-    means = []
-    for b, o in zip(best, other, strict=True):
-        loss = o * o - b * b
-        means += [float(np.mean(part)) for part in np.array_split(loss, max(loss.size // _BLOCK, 1))]
-    m = np.array(means)
+    loss = [o * o - b * b for b, o in zip(best, other, strict=True)]
+    m = np.array(_block_means(loss, _BLOCK_CORRELATIONS[1] * _inflation(loss)))
     spread = float(np.std(m, ddof=1)) if m.size > 2 else 0.0
     if spread == 0.0:
         return 1.0

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import product
+from fomrc_core.diagnosis.data_split import HeldOut
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import tangent
 from fomrc_core.fitting.trial_model import TrialModel
@@ -44,3 +45,21 @@ def determined(
         is_determined[mask] = np.einsum("ij,ij->i", rows, rows) <= largest
         found.append(is_determined)
     return tuple(found)
+
+
+def expected_excess(model: TrialModel, learned: tuple[FitRecord, ...], part: HeldOut, inflation: float) -> float:
+    """Return by what share the error on a held-out stretch exceeds the noise's power, however right the model [1].
+
+    Weights are learned from noisy samples, and noise that is correlated with itself says less: a prediction errs by
+    ``leverage * inflation`` times the noise's power beside the noise itself (Hoaglin and Welsch, 1978).
+
+    Args:
+        model: the model; its linear part is what is learned.
+        learned: records it was fitted to.
+        part: the stretch.
+        inflation: by how much the mean of the noise varies more than if it were white [1].
+    """
+    whitening = tangent(model, learned).whitening
+    columns = tangent(model.alone(part.index), (part.record,)).columns[0]
+    rows = columns[part.record.is_used] @ whitening
+    return inflation * float(np.mean(np.sum(rows * rows, axis=1)))

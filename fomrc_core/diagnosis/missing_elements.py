@@ -12,6 +12,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.search import Step
 from fomrc_core.fitting.element_fit import polish
+from fomrc_core.fitting.fit_record import shortest_time
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
@@ -25,7 +26,8 @@ def coarse_model(given: PiezoModel, split: DataSplit) -> TrialModel:
     starts = tuple(None for _ in split.train)
     best = polish(given.play_form, given.creep_order, split.train, starts)
     fitted = TrialModel.of_play_form(best.form, best.order)
-    return replace(fitted, record_effects=tuple(() for _ in range(split.n_records)), starts=())
+    nothing = tuple(() for _ in range(split.n_records))
+    return replace(fitted, record_effects=nothing, starts=(), shortest_time_s=shortest_time(split.train))
 
 
 def missing_step(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +92,7 @@ def best_drive(models: list[TrialModel], split: DataSplit) -> Proposal:
         record = FitRecord.of(
             Recording(drive.time_s, drive.voltage_v, np.zeros(drive.voltage_v.size), name=drive.name), substeps=SUBSTEPS
         )
-        bare = [TrialModel(c.columns, c.weights, c.creep_order, c.effects, ((),)) for c in models]
+        bare = [replace(m, record_effects=((),), grid_v=None, starts=()) for m in models]
         directions = tangent(bare[0], (record,))
         first = predict(bare[0], record, 0)
         least = min(

@@ -13,6 +13,7 @@ from fomrc_core.diagnosis.decision import (
     SURE,
     is_accepted,
     likelier,
+    margin_of,
     rivals_of,
     still_tied,
     sure_gain,
@@ -42,6 +43,7 @@ class Step:
         tied: causes it could not be told from.
         tied_models: the models with those.
         rivals: candidates that did nearly as well while other causes were still unexplained.
+        margin: by how much it was likelier than the next, in log likelihood [1].
     """
 
     before: TrialModel
@@ -49,6 +51,7 @@ class Step:
     tied: tuple[str, ...]
     tied_models: tuple[TrialModel, ...]
     rivals: tuple[Candidate, ...] = ()
+    margin: float = 0.0
 
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""
@@ -163,7 +166,8 @@ def _with_finding(
     rivals = rivals_of(accepted, candidates)
     if not split.is_telling:
         tied += [rival for rival in rivals if rival not in tied]
-    step = Step(state.model, accepted, (), (), rivals).tied_with(tied)
+    margin = margin_of(accepted, candidates, split)
+    step = Step(state.model, accepted, (), (), rivals, margin).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
     if accepted.is_bound:
         final = sought_again(final, split, accepted.cause, executor)

@@ -9,7 +9,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, signed_weights
 from fomrc_core.errors import RecordingError
-from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.fit_record import FitRecord, shortest_time
 from fomrc_core.fitting.linear_part import Tangent, centred, moved, record_columns, residuals, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -42,6 +42,7 @@ def fit_base(
     columns: ColumnKinds,
     starts: tuple[Prehistory | None, ...] = (),
     order_guess: float = FIRST_ORDER_GUESS,
+    shortest_time_s: float | None = None,
 ) -> tuple[TrialModel, Tangent, float]:
     """Return the model without effects that fits best, its tangent, and its sum of squares [um^2].
 
@@ -52,10 +53,13 @@ def fit_base(
         columns: plays of the elements.
         starts: what went before each record; relaxed where not given.
         order_guess: creep order to begin with [1].
+        shortest_time_s: shortest time creep must hold for [s]; that of these records where not given.
     """
     weights = np.zeros(columns.thresholds_v.size)
     weights[0] = 1.0
-    trial = TrialModel(columns, weights, order_guess, (), tuple(() for _ in records), starts=starts)
+    nothing = tuple(() for _ in records)
+    shortest_s = shortest_time(records) if shortest_time_s is None else shortest_time_s
+    trial = TrialModel(columns, weights, order_guess, (), nothing, starts=starts, shortest_time_s=shortest_s)
     directions = None
     for _ in range(_N_FITS):
         equations = normal_equations(

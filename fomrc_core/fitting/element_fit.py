@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.least_squares import normal_equations
-from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.fit_record import FitRecord, shortest_time
 from fomrc_core.fitting.linear_part import centred, record_columns
 from fomrc_core.fitting.play_columns import THRESHOLD_SLOPE, ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
@@ -52,7 +52,11 @@ Starts = tuple[Prehistory | None, ...]
 
 def play_form_response(form: OperatorSum, order: float, record: FitRecord, start: Prehistory | None) -> Array:
     """Return the displacement [um] of a play form with creep, offset not included, shape (n_samples,)."""
-    return predict(TrialModel.of_play_form(form, order, start=start), record, 0)
+    return predict(_trial(form, order, record, start), record, 0)
+
+
+def _trial(form: OperatorSum, order: float, record: FitRecord, start: Prehistory | None) -> TrialModel:
+    return replace(TrialModel.of_play_form(form, order, start=start), shortest_time_s=shortest_time((record,)))
 
 
 def polish(
@@ -119,7 +123,7 @@ def _residual(x: Array, n: int, records: tuple[FitRecord, ...], starts: Starts) 
 def _jacobian(x: Array, n: int, record: FitRecord, start: Prehistory | None) -> Array:
     slope, weights, thresholds, order = np.exp(x[0]), np.exp(x[1 : 1 + n]), np.exp(x[1 + n : 1 + 2 * n]), float(x[-1])
     form = OperatorSum(float(slope), thresholds, weights)
-    trial = TrialModel.of_play_form(form, order, start=start)
+    trial = _trial(form, order, record, start)
     slopes = ColumnKinds(thresholds, np.full(n, -np.inf), np.full(n, THRESHOLD_SLOPE))
     both = replace(trial, columns=trial.columns.joined(slopes), weights=np.append(trial.weights, np.zeros(n)))
     columns = record_columns(both, record, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,15 @@ from numpy.typing import NDArray
 from fomrc_core.effects import Covariates
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.substeps import Substeps
+from fomrc_core.operators.creep import shortest_time_for
 from fomrc_core.records.recording import Recording
 
 Array = NDArray[np.float64]
+
+
+def shortest_time(records: Sequence[FitRecord]) -> float:
+    """Return the shortest time creep must hold for in these records [s]."""
+    return shortest_time_for(min(float(np.median(record.steps_s)) for record in records))
 
 
 @dataclass(frozen=True, eq=False)

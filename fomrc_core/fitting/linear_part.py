@@ -92,7 +92,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     mechanical = of_stage(effects, Stage.MECHANICAL)
     n_before = before.steps_s.size
     n_skipped = 0 if mechanical else n_before
-    columns = creep_columns(trial.columns, fit_modes(trial.creep_order), voltage_v, steps_s, n_skipped)
+    columns = creep_columns(trial.columns, fit_modes(trial), voltage_v, steps_s, n_skipped)
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before

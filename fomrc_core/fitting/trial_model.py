@@ -18,7 +18,7 @@ from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import relaxed_state, run_chain, settle_chain
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps
-from fomrc_core.operators.creep import CreepModes, creep_modes
+from fomrc_core.operators.creep import SHORTEST_TIME_S, CreepModes, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum
 
 # Of the creep modes, at the worst order; the error is in proportion to the order, so at 0.02 it is some 1e-6.
@@ -37,6 +37,7 @@ class TrialModel:
         record_effects: effects that belong to one record, a tuple for each record.
         grid_v: thresholds the plays may be chosen from [V], zero first; those of the columns where not given.
         starts: what went before each record; none, and every record begins relaxed, where not given.
+        shortest_time_s: shortest time its creep holds for [s].
     """
 
     columns: ColumnKinds
@@ -46,6 +47,7 @@ class TrialModel:
     record_effects: tuple[tuple[Effect, ...], ...] = ()
     grid_v: Array | None = None
     starts: tuple[Prehistory | None, ...] = ()
+    shortest_time_s: float = SHORTEST_TIME_S
 
     @classmethod
     def of_play_form(
@@ -168,14 +170,14 @@ class TrialModel:
         return changed.with_start(index, other.start_of(other_index))
 
 
-def fit_modes(order: float) -> CreepModes:
+def fit_modes(trial: TrialModel) -> CreepModes:
     """Return the creep modes a fit uses."""
-    return creep_modes(min(max(order, 0.0), 1.0), FIT_ACCURACY)
+    return creep_modes(min(max(trial.creep_order, 0.0), 1.0), FIT_ACCURACY, trial.shortest_time_s)
 
 
 def relaxed_trial(trial: TrialModel, effects: tuple[Effect, ...]) -> tuple[ModelState, int]:
     """Return the relaxed state of a model under fit, with these effects, and where the creep block begins in it."""
-    return relaxed_state(trial.operator(), fit_modes(trial.creep_order), effects)
+    return relaxed_state(trial.operator(), fit_modes(trial), effects)
 
 
 def predict(trial: TrialModel, record: FitRecord, index: int, is_coarse: bool = False) -> Array:

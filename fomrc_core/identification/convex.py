@@ -20,7 +20,7 @@ from fomrc_core.compute.least_squares import non_negative_weights, normal_equati
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.element_fit import Polished, Starts, play_form_response, polish
-from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.fit_record import FitRecord, shortest_time
 from fomrc_core.fitting.linear_part import centred, record_columns
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -214,7 +214,7 @@ def _choose_count(
 def _result(
     best: Polished, records: tuple[FitRecord, ...], starts: Starts, given: Sequence[Recording], test: Recording | None
 ) -> Fit:
-    model = PiezoModel(*elements_from_play_form(best.form), best.order)
+    model = PiezoModel(*elements_from_play_form(best.form), best.order, shortest_time_s=shortest_time(records))
     n = best.form.thresholds.size
     noise_variance = best.squared_error / sum(r.time_s.size for r in records)
     scale = np.sqrt(np.maximum(np.diag(best.information), 1e-300))

@@ -25,7 +25,7 @@ from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import of_stage, relaxed_state, run_chain, settle_chain
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import BY_EFFECTS, Substeps, substeps_of
-from fomrc_core.operators.creep import CreepModes, check_order, creep_modes
+from fomrc_core.operators.creep import SHORTEST_TIME_S, CreepModes, check_order, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum, check_elements, hysteresis_block, play_form, stop_form
 
 Array = NDArray[np.float64]
@@ -45,6 +45,7 @@ class PiezoModel:
         start: what went before a record, where it does not begin relaxed.
         substeps: how finely steps are divided. NONE, from sample to sample, is what a compensator undoes to rounding;
             BENDS follows what hysteresis and creep do within a step, as a mass that rings or an amplifier sees it.
+        shortest_time_s: shortest time its creep holds for [s]: about half the step of the fastest record it is for.
 
     Raises:
         ParameterError: naming the field, its value and what is allowed.
@@ -56,6 +57,7 @@ class PiezoModel:
     effects: tuple[Effect, ...] = ()
     start: Prehistory | None = None
     substeps: Substeps = Substeps.NONE
+    shortest_time_s: float = SHORTEST_TIME_S
 
     def __post_init__(self) -> None:
         kappa, saturation = check_elements(self.kappa_um_per_v, self.saturation_v)
@@ -63,6 +65,7 @@ class PiezoModel:
         object.__setattr__(self, "kappa_um_per_v", kappa)
         object.__setattr__(self, "saturation_v", saturation)
         object.__setattr__(self, "creep_order", check_order(self.creep_order, "model.creep_order"))
+        object.__setattr__(self, "shortest_time_s", _shortest_time(self.shortest_time_s))
         names = [effect.name for effect in self.effects]
         for name in names:
             if names.count(name) > 1:
@@ -96,7 +99,7 @@ class PiezoModel:
     @cached_property
     def creep_modes(self) -> CreepModes:
         """Modes of the fractional operator."""
-        return creep_modes(self.creep_order)
+        return creep_modes(self.creep_order, shortest_time_s=self.shortest_time_s)
 
     @cached_property
     def _is_plain(self) -> bool:
@@ -217,6 +220,8 @@ class PiezoModel:
             mapping.update({cause.name: cause.to_mapping() for cause in self.causes})
         if self.causes or self.substeps is not Substeps.NONE:
             mapping["substeps"] = self.substeps.value
+        if self.shortest_time_s != SHORTEST_TIME_S:
+            mapping["shortest_time_s"] = self.shortest_time_s
         return mapping
 
     @classmethod
@@ -228,7 +233,7 @@ class PiezoModel:
             if key not in mapping:
                 raise ParameterError(f"{key} is missing", where=where, allowed=", ".join(_NEEDED))
         causes = _causes_of(mapping, where)
-        allowed = (*_NEEDED, "effects", "substeps", *(cause.name for cause in causes))
+        allowed = (*_NEEDED, "effects", "substeps", "shortest_time_s", *(cause.name for cause in causes))
         for key in mapping:
             if key not in allowed:
                 raise ParameterError("unknown key", where=where, value=key, allowed=", ".join(allowed))
@@ -241,7 +246,17 @@ class PiezoModel:
         effects = tuple(cause for cause in causes if isinstance(cause, Effect))
         start = next((cause for cause in causes if isinstance(cause, Prehistory)), None)
         substeps = substeps_of(mapping.get("substeps", BY_EFFECTS), effects, start is not None, f"{where}.substeps")
-        return cls(mapping["kappa_um_per_v"], mapping["saturation_v"], mapping["creep_order"], effects, start, substeps)
+        shortest = mapping.get("shortest_time_s", SHORTEST_TIME_S)
+        elements = mapping["kappa_um_per_v"], mapping["saturation_v"]
+        return cls(*elements, mapping["creep_order"], effects, start, substeps, shortest)
+
+
+def _shortest_time(value: Any) -> float:
+    is_number = isinstance(value, (int, float, np.floating)) and not isinstance(value, bool)
+    if not is_number or not 0.0 < value <= SHORTEST_TIME_S:
+        allowed = f"> 0, at most {SHORTEST_TIME_S:g} s"
+        raise ParameterError("shortest time out of range", where="model.shortest_time_s", value=value, allowed=allowed)
+    return float(value)
 
 
 def _causes_of(mapping: dict[str, Any], where: str) -> list[Cause]:

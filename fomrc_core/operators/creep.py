@@ -36,6 +36,7 @@ from fomrc_core.operators.creep_modes import (
     check_order,
     creep_modes,
     creep_modes_slope,
+    shortest_time_for,
     step_response,
 )
 
@@ -54,6 +55,7 @@ __all__ = [
     "integrate_step",
     "mode_states",
     "prepare_step",
+    "shortest_time_for",
     "step_response",
 ]
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fomrc_core.errors import ParameterError
 
 SHORTEST_TIME_S = 4.6e-4
+_SHORTEST_STEP_SHARE = 0.46  # of a step: the last two samples are taken exactly, modes speak from the third on
 LONGEST_TIME_S = 1e5
 DEFAULT_ACCURACY = 1e-6
 _N_CORRECTED = 4  # slowest nodes whose weights take over the moments of the tail below them
@@ -89,6 +90,15 @@ def creep_modes(
     if order == 1.0:
         return CreepModes(order, 0.0, np.zeros(1), np.ones(1))
     return _cut_modes(order, *_node_range(accuracy, shortest_time_s, longest_time_s))
+
+
+def shortest_time_for(step_s: float) -> float:
+    """Return the shortest time [s] modes must hold for where samples are this far apart [s].
+
+    A power law has no time scale of its own, its modes have: a record sampled every 10 us sees creep that modes made
+    for milliseconds do not have.
+    """
+    return min(SHORTEST_TIME_S, _SHORTEST_STEP_SHARE * step_s)
 
 
 def creep_modes_slope(

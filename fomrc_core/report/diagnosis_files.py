@@ -86,6 +86,15 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "differences_um": diagnosis.noise.differences_um,
             "repeats_um": diagnosis.noise.repeats_um,
         },
+        "probability_of_unknown": diagnosis.probability_of_unknown,
+        "remainder": {
+            "is_noise": diagnosis.judgement.is_noise,
+            "reasons": list(diagnosis.judgement.reasons),
+            "follows_from": [
+                {"on": test.on, "share": test.share, "p_value": test.p_value}
+                for test in diagnosis.judgement.dependences
+            ],
+        },
         "quoted_on": {"name": diagnosis.quoted_on, "role": quoted_record(diagnosis).role},
         "records": [
             {
@@ -113,6 +122,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "nrmse_percent_test_after": finding.nrmse_percent_test_after,
         "gain": finding.gain,
         "p_value": finding.p_value,
+        "probability": finding.probability,
         "evidence": finding.evidence,
         "meaning": finding.meaning,
     }

@@ -118,7 +118,8 @@ def _cause(number: int, finding: Finding) -> str:
         f"<div class='cause'><h3>{number}. <code>{html.escape(finding.cause)}</code></h3>"
         f"<p>{html.escape(kind.meaning)}</p><table>{''.join(rows)}</table>"
         f"<p>Held-out error <b>{finding.nrmse_percent_test_before:.4g} % → {finding.nrmse_percent_test_after:.4g} "
-        f"%</b>: {100.0 * finding.gain:.3g} % of what was above the noise; p = {finding.p_value:.1e}.</p>"
+        f"%</b>: {100.0 * finding.gain:.3g} % of what was above the noise; p = {finding.p_value:.1e}. "
+        f"Probability that this is the cause: <b>{100.0 * finding.probability:.0f} %</b>.</p>"
         f"<p class='small'>Evidence: {html.escape(finding.evidence)}.<br>"
         f"Best seen with: {html.escape(kind.experiment)}.<br>"
         f"Compensator: {html.escape(kind.inverse_note)}.</p></div>"
@@ -142,6 +143,17 @@ def _remains(diagnosis: Diagnosis) -> Iterator[str]:
         )
     else:
         yield f"<p>On {where} the error is {diagnosis.final_test_percent:.3g} % of the range.</p>"
+    for reason in diagnosis.judgement.reasons:
+        yield f"<p>What is left is not noise: {html.escape(reason)}.</p>"
+    rows = "".join(
+        f"<tr><td>{html.escape(test.on)}<td>{100.0 * test.share:.2g} %<td>{test.p_value:.2g}</tr>"
+        for test in diagnosis.judgement.dependences
+    )
+    yield (
+        "<p>Whether what is left follows the drive, on blocks it was not learned from:</p>"
+        f"<table><tr><th>what it may follow from<th>share of its power<th>p</tr>{rows}</table>"
+        f"<p>Probability of something that is not in the library: {100.0 * diagnosis.probability_of_unknown:.0f} %.</p>"
+    )
     if diagnosis.ambiguous_with:
         yield f"<p>Not told apart: {html.escape(', '.join(diagnosis.ambiguous_with))}.</p>"
     yield f"<p><b>Measure next:</b> {_with_code(diagnosis.next_experiment)}.</p>"

@@ -10,10 +10,11 @@ from fomrc_core.errors import ParameterError
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import BY_EFFECTS, MODEL_SUBSTEPS
+from fomrc_core.operators.creep import SHORTEST_TIME_S
 from fomrc_ros.node.parameters import Kind, ParameterSpec
 
 PREFIX = "model."
-_PLAIN = ("kappa_um_per_v", "saturation_v", "creep_order", "substeps")
+_PLAIN = ("kappa_um_per_v", "saturation_v", "creep_order", "substeps", "shortest_time_s")
 
 MODEL_SPECS = (
     ParameterSpec(
@@ -37,6 +38,14 @@ MODEL_SPECS = (
         BY_EFFECTS,
         "how finely steps are divided; by_effects: as the effects need it",
         choices=(BY_EFFECTS, *(kind.value for kind in MODEL_SUBSTEPS)),
+    ),
+    ParameterSpec(
+        "model.shortest_time_s",
+        SHORTEST_TIME_S,
+        "shortest time creep holds for: about half the step of the fastest record the model is for",
+        minimum=1e-12,
+        maximum=SHORTEST_TIME_S,
+        unit="s",
     ),
     ParameterSpec(
         "model.fit_rms_um",

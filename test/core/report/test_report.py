@@ -17,6 +17,8 @@ import pytest
 from fomrc_core.cli.application import run
 from fomrc_core.diagnosis.diagnosis import Diagnosis, RecordView, Status
 from fomrc_core.diagnosis.findings import Finding
+from fomrc_core.diagnosis.judgement import judge
+from fomrc_core.diagnosis.remainder import Dependence
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.errors import StorageError
@@ -39,6 +41,7 @@ _FINDING = Finding(
     3e-9,
     "held-out error 90 -> 2 nm rms",
     "so the drive lags",
+    probability=0.97,
 )
 _MODEL = PiezoModel([1.0, 2.0], [0.3], 0.015, (AmplifierBandwidth(41.237), MainsHum(50.0, 0.01, 0.0)))
 
@@ -49,12 +52,14 @@ def _view(name: str, role: str, seed: int, lag_um: float = 0.09) -> RecordView:
     voltage_v = np.where(time_s < 3.0, 2.0 * np.sin(2.0 * np.pi * time_s), 1.0)
     noise_um = generator.normal(0.0, 0.002, time_s.size)
     left_um = noise_um + lag_um * np.where(time_s < 3.0, np.cos(2.0 * np.pi * time_s), 0.0)
-    return RecordView(name, role, time_s, voltage_v, 1.2 * voltage_v + left_um, left_um, noise_um)
+    return RecordView(name, role, time_s, voltage_v, 1.2 * voltage_v + left_um, left_um, noise_um, time_s >= 0.0)
 
 
 def _diagnosis(**changes: Any) -> Diagnosis:
     diagnosis = Diagnosis(
         status=Status.EXPLAINED,
+        judgement=judge(0.002, True, 0.09, 0.0021, 0.0021, (Dependence("rate", 0.01, 0.4),)),
+        probability_of_unknown=0.03,
         noise=NoiseFloor(0.002, float("nan")),
         noise_floor_um=0.002,
         baseline_train_percent=2.4,
@@ -134,6 +139,7 @@ def test_the_json_is_as_agreed(written: Path) -> None:
         "nrmse_percent_test_after": 0.061,
         "gain": 0.97,
         "p_value": 3e-9,
+        "probability": 0.97,
         "evidence": "held-out error 90 -> 2 nm rms",
         "meaning": "so the drive lags",
     }

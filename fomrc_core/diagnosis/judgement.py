@@ -1,0 +1,106 @@
+"""What a diagnosis came to: is what the model leaves noise, and how much of what the base missed is left.
+
+Where the drive repeats itself or rests, the noise is known apart from any model, slow noise as well, and what is left
+must be as small. Elsewhere it is known from what is left itself: whatever does not follow the drive, on data not
+learned from, is noise as far as anyone can tell from these records.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from fomrc_core.diagnosis.remainder import Dependence
+
+_SIGNIFICANCE = 0.01  # of the hypothesis that nothing is left, for all tests together
+_NEGLIGIBLE_SHARE = 0.1  # of the noise's power: it raises an rms by 5 %, about what a noise floor is known to
+_LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
+_LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
+_LARGEST_LEARNING = 1.0  # times the noise's power: what is learned worse than that is not known
+_MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
+
+
+class Status(Enum):
+    """What a diagnosis came to."""
+
+    EXPLAINED = "explained"
+    SUSPECT = "suspect"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+    NOTHING_FOUND = "nothing_found"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Whether what is left is noise.
+
+    Attributes:
+        noise_um: rms of the noise, as well as it is known [um].
+        is_noise: whether what is left is noise, or so near it that it makes no difference.
+        unexplained_share: share of the power by which the base missed the data that is left [1].
+        dependences: what the rest was tested for, and what came of it.
+        reasons: why it is not taken for noise, in words; empty where it is.
+    """
+
+    noise_um: float
+    is_noise: bool
+    unexplained_share: float
+    dependences: tuple[Dependence, ...]
+    reasons: tuple[str, ...]
+
+    def status(self, n_findings: int, is_tied: bool) -> Status:
+        """Return the word for it, with this number of causes found, and whether the last has an equal."""
+        if n_findings == 0:
+            return Status.NOTHING_FOUND if self.is_noise else Status.UNEXPLAINED
+        if is_tied:
+            return Status.AMBIGUOUS
+        little_left = self.unexplained_share <= _MOST_UNEXPLAINED
+        return Status.EXPLAINED if self.is_noise and little_left else Status.SUSPECT
+
+
+def judge(
+    floor_um: float,
+    sees_slow_noise: bool,
+    before_um: float,
+    after_um: float,
+    worst_um: float,
+    dependences: Sequence[Dependence],
+    learning_excess: float = 0.0,
+) -> Judgement:
+    """Return whether what a model leaves is noise.
+
+    Args:
+        floor_um: noise rms known apart from the model [um].
+        sees_slow_noise: whether slow noise is in it; without, the noise may be larger than the floor.
+        before_um: rms of the base model on held-out data [um].
+        after_um: rms of the extended model there [um].
+        worst_um: rms of the extended model in the worst of all records [um].
+        dependences: tests of what is left.
+        learning_excess: share of the noise's power by which a right model, learned from these noisy samples, errs on
+            held-out data [1].
+    """
+    # Many arguments: each is measured somewhere else, and no two are ever handed on together.
+    excess = min(learning_excess, _LARGEST_LEARNING)
+    sure = [d for d in dependences if d.p_value * len(dependences) < _SIGNIFICANCE]
+    share = max((d.share for d in sure), default=0.0)
+    undriven_um = after_um * math.sqrt(1.0 - share)
+    noise_um = floor_um if sees_slow_noise else max(floor_um, undriven_um)
+    reasons = []
+    # weights learned from noise err as a function of the drive, too
+    if share > max(_NEGLIGIBLE_SHARE, excess / (1.0 + excess)):
+        worst = max(sure, key=lambda d: d.share)
+        reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
+    expected_um = floor_um * math.sqrt(1.0 + excess)
+    if sees_slow_noise and after_um > _LARGEST_EXCESS * expected_um:
+        reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
+    if sees_slow_noise and worst_um > _LARGEST_EXCESS_ANYWHERE * expected_um:
+        reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
+    unavoidable = noise_um**2 * (1.0 + excess)
+    missed = before_um**2 - unavoidable
+    left = max(after_um**2 - unavoidable, 0.0)
+    unexplained = float(np.clip(left / missed, 0.0, 1.0)) if missed > 0.0 else 0.0
+    return Judgement(noise_um, not reasons, unexplained, tuple(dependences), tuple(reasons))

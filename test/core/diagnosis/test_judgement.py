@@ -1,0 +1,61 @@
+"""What is left is noise, or it is not: with noise known apart from the model, and without."""
+
+from __future__ import annotations
+
+import pytest
+
+from fomrc_core.diagnosis.judgement import Status, judge
+from fomrc_core.diagnosis.remainder import Dependence
+
+_NOTHING = (Dependence("rate", 0.0, 0.4), Dependence("displacement", 0.01, 0.2))
+_RATE = (Dependence("rate", 0.3, 1e-6), Dependence("displacement", 0.01, 0.2))
+
+
+def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
+    found = judge(1.0, True, 5.0, 1.05, 1.1, _NOTHING)
+    assert found.is_noise
+    assert found.reasons == ()
+    assert found.status(1, False) is Status.EXPLAINED
+    assert found.status(1, True) is Status.AMBIGUOUS
+    assert found.status(0, False) is Status.NOTHING_FOUND
+
+
+@pytest.mark.parametrize(
+    ("after_um", "worst_um", "tests", "said"),
+    [
+        (1.3, 1.3, _NOTHING, "1.30 times the noise"),
+        (1.1, 1.6, _NOTHING, "1.60 times that noise in one"),
+        (1.1, 1.1, _RATE, "30 % of its power follows from rate"),
+    ],
+)
+def test_each_thing_that_speaks_against_noise_is_said(after_um, worst_um, tests, said):
+    found = judge(1.0, True, 5.0, after_um, worst_um, tests)
+    assert not found.is_noise
+    assert any(said in reason for reason in found.reasons)
+    assert found.status(1, False) is Status.SUSPECT
+    assert found.status(0, False) is Status.UNEXPLAINED
+
+
+def test_slow_noise_that_no_repeat_shows_is_noise_all_the_same():
+    # fourth differences see a third of it; nothing of the rest follows the drive
+    found = judge(0.3, False, 1.02, 1.0, 1.0, _NOTHING)
+    assert found.status(0, False) is Status.NOTHING_FOUND
+    assert found.noise_um == pytest.approx(1.0)
+    # and where a third of its power follows the rate, two thirds are noise
+    found = judge(0.3, False, 5.0, 1.0, 1.0, _RATE)
+    assert found.noise_um == pytest.approx(0.7**0.5)
+    assert found.status(1, False) is Status.SUSPECT
+
+
+def test_little_explained_is_never_explained():
+    found = judge(1.0, True, 1.3, 1.19, 1.19, _NOTHING)
+    assert found.is_noise
+    assert found.unexplained_share == pytest.approx((1.19**2 - 1.0) / (1.3**2 - 1.0))
+    assert found.status(1, False) is Status.SUSPECT
+
+
+def test_what_weights_learned_from_noise_err_is_no_cause():
+    assert not judge(1.0, True, 9.0, 1.3, 1.3, _NOTHING).is_noise
+    assert judge(1.0, True, 9.0, 1.3, 1.3, _NOTHING, learning_excess=0.6).is_noise
+    # however little the records determine: twice the noise is not noise
+    assert not judge(1.0, True, 9.0, 2.0, 2.0, _NOTHING, learning_excess=50.0).is_noise
