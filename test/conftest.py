@@ -20,6 +20,10 @@ settings.load_profile("same_examples")
 # Set before any ROS context exists. Not overridden where the caller has chosen a domain.
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+# Not by shared memory. A node that is killed, as the tests kill many, leaves its ports of shared memory behind; whoever
+# meets them afterwards and then closes its own ends with a segmentation fault in libfastdds 3.2,
+# SharedMemChannelResource::release() locking a mutex in memory that is gone.
+os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

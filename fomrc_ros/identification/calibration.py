@@ -207,7 +207,11 @@ class Calibration:
                 await self._compensator.trigger("assume_relaxed")
         finally:
             self._drive.end()
-            await self._compensator.trigger("return_voltage")
+            try:
+                await self._compensator.trigger("return_voltage")
+            except FomrcError as error:
+                # Taken back already, where this node was held up for longer than the lease: the compensator says so.
+                self._node.get_logger().warning(str(error))
 
     def _watch(self) -> None:
         if not self._drive.is_driving or self._drive.n_done != self._n_done_before:

@@ -128,10 +128,9 @@ class Probe:
     """A ROS node in the test's own process, without an executor.
 
     It takes messages and answers from the middleware's queues itself, in the one thread that also makes and
-    destroys its endpoints. An executor would hold a wait set over all of them meanwhile, which ends the process
-    now and then where endpoints come and go, as those of a test do (rclpy issues 760, 1644); and building one
-    for each message takes ten times as long as taking the message, which on a busy machine leaves a probe
-    seconds behind a stage of 1 kHz.
+    destroys its endpoints. An executor would build a wait set over all of them for each message, which takes ten
+    times as long as taking the message and on a busy machine leaves a probe seconds behind a stage of 1 kHz; and
+    the events executor ends the process where endpoints come and go while it spins (rclpy issue 1644).
     """
 
     def __init__(self) -> None:

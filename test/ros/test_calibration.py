@@ -16,7 +16,7 @@ from small_model import MODEL
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-COMMON = {"calibrate_step_v": 0.5, "safe_ramp_v_per_s": 20.0, "slew_limit_v_per_s": 2000.0}
+COMMON = {"lease_s": 20.0, "calibrate_step_v": 0.5, "safe_ramp_v_per_s": 20.0, "slew_limit_v_per_s": 2000.0}
 CAREFUL = COMMON | {
     "relax_duration_s": 2.0,
     "relax_frequency_hz": 25.0,
