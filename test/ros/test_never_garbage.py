@@ -231,3 +231,20 @@ def test_row_06_two_that_drive_one_voltage_say_so_and_no_calibration_begins(tmp_
     # Nor where a program of one's own drives it.
     probe.node.create_publisher(Float64, "voltage", 10)
     probe.until(lambda: probe.node.get_name() in probe.messages.get(compensator.name, ""), "the warning of it")
+
+
+def test_a_cancel_that_comes_too_late_says_so(tmp_path, probe, start, spoilt):
+    spoilt("sound")
+    compensator, identification = compensator_and_identification(tmp_path, start)
+    moved = probe.record("displacement")
+    probe.until(lambda: moved, "the stage")
+    calibrated = probe.ask(Trigger, f"{identification.name}/calibrate", Trigger.Request())
+    told = lambda: probe.diagnostics.get(identification.name, {})  # noqa: E731
+    probe.until(lambda: float(told().get("progress_percent", 0.0)) > 85.0, "the model put in force")
+    answer = probe.trigger(f"{identification.name}/cancel")
+    assert not answer.success
+    assert "too late" in answer.message
+    probe.until(calibrated.done, "the end of the calibration")
+    assert calibrated.result().success, calibrated.result().message
+    assert in_force(probe, compensator) != MODEL["kappa_um_per_v"]
+    assert "nothing runs" in probe.trigger(f"{identification.name}/cancel").message
