@@ -11,6 +11,8 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import gamma
 
+_N_AT_ONCE = 8  # columns: a hundred long ones would not fit into memory as spectra
+
 
 @dataclass(frozen=True)
 class PowerLaw:
@@ -80,6 +82,11 @@ def creep(values: np.ndarray, law: CreepLaw, step_s: float) -> np.ndarray:
     changes = np.diff(values, axis=0, prepend=0.0 * values[:1])
     # A change at the very first sample is a step that took the step before it.
     size = next_fast_len(2 * n, real=True)
-    shape = (-1,) + (1,) * (values.ndim - 1)
-    spectrum = rfft(changes, size, axis=0) * rfft(kernel, size).reshape(shape)
-    return irfft(spectrum, size, axis=0)[:n]
+    kernel_spectrum = rfft(kernel, size)
+    if changes.ndim == 1:
+        return irfft(rfft(changes, size) * kernel_spectrum, size)[:n]
+    out = np.empty_like(changes)
+    for first in range(0, changes.shape[1], _N_AT_ONCE):
+        some = slice(first, first + _N_AT_ONCE)
+        out[:, some] = irfft(rfft(changes[:, some], size, axis=0) * kernel_spectrum[:, None], size, axis=0)[:n]
+    return out
