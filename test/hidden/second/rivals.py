@@ -52,7 +52,8 @@ _FAMILIES: tuple[tuple[str, ...], ...] = (
     ),
 )
 _N_DRAFTS = 2
-_N_TURNS = 3
+_N_TURNS = 2
+_OVERSAMPLING = 2  # steps of the physics a sample: of both sides, so that what it costs goes out of the comparison
 _BESIDE = (0.6, 1.6)  # further sizes of a rival
 
 
@@ -81,6 +82,7 @@ def nearest_rival(
         noise_um: rms of the noise [um].
         rng: source of chance, for the rivals' own parameters.
     """
+    sizing = sizing.coarser(_OVERSAMPLING)
     own = np.concatenate(sizing.left_um(cause, parameters))
     best = Rival("", rms(own) / noise_um)
     rivals = {name for family in _FAMILIES if cause in family for name in family if name != cause}

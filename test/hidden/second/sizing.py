@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,13 @@ class Sizing:
         left = Surrogate(list(bench.traces), reach_v, order, _N_FORM_PLAYS, own_v).left_of(self.plain_um)
         self.form_error_um = max(rms(values) for values in left[1:])
         self.basis = Surrogate(list(bench.traces[:2]), reach_v, order, _N_BASIS_PLAYS).absorbing_basis()
+
+    def coarser(self, oversampling: int) -> Sizing:
+        """Return the same with fewer steps of the physics in a sample, for questions that need no more."""
+        other = copy.copy(self)
+        other.bench = replace(self.bench, actuator=replace(self.bench.actuator, oversampling=oversampling))
+        other.plain_um = [other.clean_um(which, {}) for which in range(len(PARTS))]
+        return other
 
     def circumstance(self, which: int, effects: Effects) -> Circumstance:
         """Return what befalls a record; always the same for the same effects."""
