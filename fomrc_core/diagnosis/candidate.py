@@ -25,7 +25,7 @@ from fomrc_core.records.drive import held_out_blocks, learned_blocks
 
 Array = NDArray[np.float64]
 
-_MAX_CANDIDATES = 5  # refits of a round, by either view: they take most of its time
+_MAX_CANDIDATES = 8  # refitted in one round: as many as there are kinds of lag, which screen alike
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
 _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
 _ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
@@ -157,8 +157,9 @@ def _fit_candidate(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Cand
     before, after = _held_pair(model, best, split, cause, bound)
     n_free = len(free_parameters(best.model)) - len(free_parameters(model))
     longest = max(float(record.time_s[-1]) for record in split.train)
+    step = min(float(np.median(record.steps_s)) for record in split.train)
     acting = (c for at, c in best.model.found() if at is None or at < len(split.train))
-    is_plausible = all(c.is_plausible(longest) for c in acting)
+    is_plausible = all(c.is_plausible(longest, step) for c in acting)
     is_plausible = is_plausible and (not bound or _is_confirmed(best, split, cause))
     train_gain = math.log(error / best.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling

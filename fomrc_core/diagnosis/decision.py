@@ -35,7 +35,9 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
-    """Return the candidate that is surely likelier with no more parameters, unless held-out data speak up against it.
+    """Return the candidate that is surely likelier, unless held-out data speak up against it.
+
+    It may have no more parameters, but for those in which it generalizes the other.
 
     How well the base itself carries over to held-out data differs from fit to fit: a little after a rich drive, much
     after a poor one, so that the two gains are weighed against each other.
@@ -45,7 +47,8 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
             continue
         learnt = other.train_log_gain - winner.train_log_gain
         lost = winner.held_gain - other.held_gain
-        if other.n_free > winner.n_free or learnt < 0.0 or lost > max(learnt, _HARDLY):
+        is_richer = other.n_free > winner.n_free and cause_classes()[other.cause].generalizes != winner.cause
+        if is_richer or learnt < 0.0 or lost > max(learnt, _HARDLY):
             continue
         if is_accepted(other, n_causes) and sure_gain(winner.fitted, other.fitted, split) > SURE:
             return other
@@ -61,6 +64,8 @@ def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) ->
             continue
         if not other.score.is_worthwhile() or not other.is_plausible:
             continue
+        if cause_classes()[other.cause].generalizes == winner.cause:
+            continue  # of course it does as well
         loss = n_effective * math.log(other.fitted.squared_error / winner.fitted.squared_error)
         same_shape = len(other.held) == len(winner.held) and all(
             a.size == b.size for a, b in zip(other.held, winner.held, strict=True)
@@ -89,6 +94,16 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
                 gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
         margins.append(gained)
     return min(margins, default=math.inf)
+
+
+def simplest(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
+    """Return the candidate of fewest parameters among the winner and those that nothing tells from it."""
+    alike = [
+        other
+        for other in ties_of(winner, candidates, split)
+        if other.is_bound == winner.is_bound and is_accepted(other, n_causes)
+    ]
+    return min((winner, *alike), key=lambda candidate: candidate.n_free)
 
 
 def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:

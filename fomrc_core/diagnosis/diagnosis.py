@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
-from fomrc_core.diagnosis.decision import residual_inflation
 from fomrc_core.diagnosis.extended_model import never_worse
 from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
+from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, Step, search
 from fomrc_core.errors import ParameterError

@@ -24,6 +24,8 @@ from fomrc_core.records.drive import begins_at_zero
 Array = NDArray[np.float64]
 
 _MAX_STARTS = 12  # instances simulated at full size, a simulation each
+_MAX_OTHER_FORMS = 4  # beside those, of forms that are not among them
+_N_STARTS = 3
 
 
 def clear_error(start: TrialModel, split: DataSplit, directions: Tangent) -> float:
@@ -51,9 +53,19 @@ def fit_starts(
     if first.is_scanned:
         return [model.with_cause(trial.cause) for trial in trials[:2]]
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
-    options = [model.with_cause(sized(trial)) for trial in trials[:_MAX_STARTS]]
-    best = sorted(options[1:], key=lambda option: clear_error(option, split, directions))[:2]
-    return [options[0], *best]
+    likeliest = trials[:_MAX_STARTS]
+    forms = {trial.cause.free_names() for trial in likeliest}
+    likeliest += [trial for trial in trials[_MAX_STARTS:] if trial.cause.free_names() not in forms][:_MAX_OTHER_FORMS]
+    options = [(model.with_cause(sized(trial)), trial.cause.free_names()) for trial in likeliest]
+    ordered = sorted(options[1:], key=lambda option: clear_error(option[0], split, directions))
+    # a form of more parameters may do worse where it begins and better where it ends: the best of every form is tried
+    starts, tried = [options[0][0]], {options[0][1]}
+    for option, form in ordered:
+        if form not in tried:
+            starts.append(option)
+            tried.add(form)
+    starts += [option for option, _ in ordered if option not in starts][: max(_N_STARTS - len(starts), 0)]
+    return starts
 
 
 def _groups(trials: list[Screened]) -> list[list[Screened]]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit
 from fomrc_core.diagnosis.search import Step
+from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import tangent
 from fomrc_core.fitting.trial_model import TrialModel, predict
@@ -22,6 +23,7 @@ from fomrc_core.records.residual import rms
 
 Array = NDArray[np.float64]
 
+_FEWEST_PER_UNIT, _MOST_PER_UNIT = 200.0, 20_000.0  # samples in what stands for a second
 _LONG_DRIVE_S = (60.0, 300.0)  # what drifts shows in a minute; longer than five nobody waits
 _N_LONG_CYCLES = 12  # motion throughout, at many amplitudes
 
@@ -47,33 +49,43 @@ def candidate_drives(split: DataSplit) -> list[tuple[Excitation, str]]:
     high = max(float(np.max(r.voltage_v)) for r in split.train)
     middle, swing = 0.5 * (low + high), 0.5 * (high - low)
     rate = 1.0 / split.train[0].recording.sample_period_s
+    unit_s = _time_unit(rate)
+    period_s = round(2.0 * unit_s * rate) / rate
     levels = [middle + swing * s for s in (0.2, -0.2, 0.6, -0.6, 1.0, -1.0, 0.1, -0.1)]
-    top = min(0.4 * rate, 300.0)
+    top = min(0.4 * rate, 300.0 / unit_s)
     # What drifts shows in time: longer than what has been measured, by rests at both ends and by motion throughout.
-    long_s = float(np.clip(2.0 * max(r.time_s[-1] - r.time_s[0] for r in split.train), *_LONG_DRIVE_S))
+    shortest_s, longest_s = unit_s * _LONG_DRIVE_S[0], unit_s * _LONG_DRIVE_S[1]
+    long_s = min(max(2.0 * max(float(r.time_s[-1] - r.time_s[0]) for r in split.train), shortest_s), longest_s)
     ends = [low, high] * 3
     slow = 2.0 * swing * (_N_LONG_CYCLES + 1) / long_s  # amplitudes fall from cycle to cycle
     makers: list[tuple[Callable[[], Excitation], str]] = [
         (
-            lambda: steps(levels, dwell_s=1.5, lead_in_s=0.5, rate_hz=rate),
-            f"excite steps --levels {','.join(f'{v:.3g}' for v in levels)} --dwell 1.5",
+            lambda: steps(levels, dwell_s=1.5 * unit_s, lead_in_s=0.5 * unit_s, rate_hz=rate),
+            f"excite steps --levels {','.join(f'{v:.3g}' for v in levels)} --dwell {1.5 * unit_s:.3g}",
         ),
         (
             lambda: multisine(
-                0.3 * swing, lowest_hz=0.5, highest_hz=top, period_s=2.0, n_periods=4, offset_v=middle, rate_hz=rate
+                0.3 * swing,
+                lowest_hz=0.5 / unit_s,
+                highest_hz=top,
+                period_s=period_s,
+                n_periods=4,
+                offset_v=middle,
+                rate_hz=rate,
             ),
-            f"excite multisine --amplitude {0.3 * swing:.3g} --offset {middle:.3g} --highest {top:.3g} --period 2",
+            f"excite multisine --amplitude {0.3 * swing:.3g} --offset {middle:.3g} --highest {top:.3g} "
+            f"--period {period_s:.3g}",
         ),
         (
-            lambda: triangle(swing, slope_v_per_s=60.0 * swing, n_cycles=5, offset_v=middle, rate_hz=rate),
-            f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {60.0 * swing:.3g}",
+            lambda: triangle(swing, slope_v_per_s=60.0 * swing / unit_s, n_cycles=5, offset_v=middle, rate_hz=rate),
+            f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {60.0 * swing / unit_s:.3g}",
         ),
         (
-            lambda: triangle(swing, slope_v_per_s=swing, n_cycles=4, offset_v=middle, rate_hz=rate),
-            f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {swing:.3g} --cycles 4",
+            lambda: triangle(swing, slope_v_per_s=swing / unit_s, n_cycles=4, offset_v=middle, rate_hz=rate),
+            f"excite triangle --amplitude {swing:.3g} --offset {middle:.3g} --slope {swing / unit_s:.3g} --cycles 4",
         ),
         (
-            lambda: steps(ends, dwell_s=long_s / len(ends), lead_in_s=0.5, rate_hz=rate),
+            lambda: steps(ends, dwell_s=long_s / len(ends), lead_in_s=0.5 * unit_s, rate_hz=rate),
             f"excite steps --levels {','.join(f'{v:.3g}' for v in ends)} --dwell {long_s / len(ends):.3g}",
         ),
         (
@@ -82,7 +94,20 @@ def candidate_drives(split: DataSplit) -> list[tuple[Excitation, str]]:
             f"--cycles {_N_LONG_CYCLES}",
         ),
     ]
-    return [(make(), command) for make, command in makers]
+    return [(drive, command) for make, command in makers if (drive := _made(make)) is not None]
+
+
+def _time_unit(rate_hz: float) -> float:
+    """Return what stands for a second in the drives [s]: a second, unless samples are too few or too many for it."""
+    return 1.0 if _FEWEST_PER_UNIT <= rate_hz <= _MOST_PER_UNIT else 1000.0 / rate_hz
+
+
+def _made(make: Callable[[], Excitation]) -> Excitation | None:
+    """Return the drive, None where it cannot be made at this rate and over this range: then it is not proposed."""
+    try:
+        return make()
+    except ParameterError:
+        return None
 
 
 def best_drive(models: list[TrialModel], split: DataSplit) -> Proposal:

@@ -17,7 +17,7 @@ from fomrc_core.compute.least_squares import normal_equations, product, whitenin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
-from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
@@ -83,6 +83,13 @@ class HeldView:
         residual_um = centred(record.measured_um - predict(model, record, index), record.is_used)
         return cls(record, index, predict(model, record, index, is_coarse=True), columns, residual_um)
 
+    def evidence(self) -> RecordEvidence:
+        """Return what a cause may look at of it."""
+        record = self.record
+        return RecordEvidence(
+            record.time_s, record.steps_s, record.voltage_v, self.predicted_um, self.residual_um, record.covariates
+        )
+
     def explained(self, model: TrialModel, cause: Cause, coefficients: Array, takes_either_sign: bool) -> float:
         """Return what the instance explains of the residual here [um^2], the linear part moved as in training."""
         try:
@@ -111,6 +118,8 @@ def screen(
         executor: screens causes side by side where given.
     """
     evidence = evidence_of(present.model, present.records, present.residuals_um, present.noise_um)
+    if held is not None:
+        evidence = replace(evidence, beside=(held.evidence(),))
     _ = present.clear_um, present.predicted_um  # made here once, not by every thread
 
     def of_cause(name: str) -> list[Screened]:
@@ -132,7 +141,8 @@ def screen(
             elif not cause.belongs_to_record():
                 found += _screen_one(present, cause, None, held)
         for i, record in enumerate(evidence.records):
-            for cause in kind.screening(Evidence((record,), present.noise_um)):
+            others = (*evidence.records[:i], *evidence.records[i + 1 :], *evidence.beside)
+            for cause in kind.screening(Evidence((record,), present.noise_um, others)):
                 if cause.belongs_to_record():
                     found += _screen_one(present, cause, i)
         return found
@@ -172,8 +182,7 @@ def _screen_one(present: PresentModel, cause: Cause, index: int | None, held: He
     moment = sum(
         float(np.dot(s[r.is_used], v[r.is_used])) for r, s, v in zip(records, clear, present.clear_um, strict=True)
     )
-    main = cause.parameter(cause.main_parameter)
-    takes_either_sign = main.name in cause.linear_parameters and main.lower < 0.0
+    takes_either_sign = cause.takes_either_sign()
     explained = moment**2 / power if takes_either_sign or moment > 0.0 else 0.0
     explained_held = 0.0 if held is None else held.explained(present.model, cause, coefficients, takes_either_sign)
     return [Screened(cause, index, explained, power, moment / power, explained_held)]

@@ -15,6 +15,7 @@ from fomrc_core.diagnosis.decision import (
     likelier,
     margin_of,
     rivals_of,
+    simplest,
     still_tied,
     sure_gain,
     ties_of,
@@ -144,7 +145,8 @@ def _chosen(
     """Return the candidate to accept, and the state before it: with a first of a pair where one alone does not do."""
     accepted = next((c for c in candidates if is_accepted(c, n_causes)), None)
     if accepted is not None:
-        return state, likelier(accepted, candidates, split, n_causes)
+        likeliest = likelier(accepted, candidates, split, n_causes)
+        return state, simplest(likeliest, candidates, split, n_causes)
     pair = _second_of_pair(state.model, candidates[0], split, wanted, executor) if candidates else None
     if pair is None or not is_accepted(pair[1], n_causes):
         return None

@@ -20,7 +20,7 @@ class AmplifierBandwidth(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("cutoff_hz", "Hz", 1e-3, 1e6, is_log=True, description="-3 dB frequency"),
+        Parameter("cutoff_hz", "Hz", 1e-7, 1e9, is_log=True, description="-3 dB frequency"),
     )
     main_parameter: ClassVar[str] = "cutoff_hz"
     meaning: ClassVar[str] = "The amplifier charges the capacitive actuator through a resistance, so the drive lags."
@@ -61,7 +61,7 @@ class AmplifierBandwidth(Effect):
         return values + self.time_constant_s * (values - before) / steps_s
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return cutoffs from a fiftieth of the sample rate to the sample rate, slower ones for slow drives."""
+    def screening(cls, evidence: Evidence) -> list[AmplifierBandwidth]:
+        """Return cutoffs from a thousandth of the sample rate, of a record sampled fast, to the sample rate."""
         rate = 1.0 / evidence.sample_period_s
-        return [cls(cutoff_hz=rate * share) for share in (0.01, 0.03, 0.1, 0.3, 1.0)]
+        return cls.proposed({"cutoff_hz": rate * share} for share in (0.001, 0.01, 0.03, 0.1, 0.3, 1.0))

@@ -67,11 +67,11 @@ class AmplifierSaturation(Effect):
         return {}
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[AmplifierSaturation]:
         """Return clamps a little inside the range of the drive, on either side and on both."""
         low, high = evidence.smallest_v, evidence.largest_v
-        trials: list[Effect] = []
+        trials: list[dict[str, float]] = []
         for share in (0.02, 0.06, 0.15):
-            margin = share * (high - low)
-            trials += [cls(high_v=high - margin), cls(low_v=low + margin), cls(low + margin, high - margin)]
-        return trials
+            rails = {"low_v": low + share * (high - low), "high_v": high - share * (high - low)}
+            trials += [{"high_v": rails["high_v"]}, {"low_v": rails["low_v"]}, rails]
+        return cls.proposed(trials)

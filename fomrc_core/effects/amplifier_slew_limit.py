@@ -11,6 +11,10 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 
+_NEARLY = 0.9  # of the fastest rate: a limit that acts at all
+_LEAST_SHARE = 0.02  # of the fastest rate: a drive of triangles alone is to be limited, too
+_N_TRIALS = 8  # a factor of two or so apart: within reach of a fit
+
 
 @compiled
 def _run_slew(state: Array, slew_v_per_s: float, values: Array, steps_s: Array, out: Array) -> None:
@@ -46,7 +50,7 @@ class AmplifierSlewLimit(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("slew_v_per_s", "V/s", 1e-6, 1e9, is_log=True, description="largest rate of the output"),
+        Parameter("slew_v_per_s", "V/s", 1e-9, 1e15, is_log=True, description="largest rate of the output"),
     )
     main_parameter: ClassVar[str] = "slew_v_per_s"
     meaning: ClassVar[str] = "The amplifier's current limit bounds how fast it can charge the actuator."
@@ -69,6 +73,17 @@ class AmplifierSlewLimit(Effect):
         return out
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return limits from just below the drive's fastest rate down to a hundredth of it."""
-        return [cls(slew_v_per_s=evidence.fastest_v_per_s * s) for s in (0.9, 0.6, 0.35, 0.2, 0.1, 0.05, 0.02)]
+    def screening(cls, evidence: Evidence) -> list[AmplifierSlewLimit]:
+        """Return limits from just below the drive's fastest rate, of its steps, down to its usual rate.
+
+        The faster the sampling, the farther above what an amplifier can do is a step from one sample to the next.
+        """
+        rates = np.concatenate([np.abs(np.diff(r.voltage_v) / r.steps_s[1:]) for r in evidence.records])
+        moving = rates[rates > 0.0]
+        if moving.size == 0:
+            return []
+        fastest = float(np.max(moving))
+        slowest = min(float(np.median(moving)), _LEAST_SHARE * fastest)
+        return cls.proposed(
+            {"slew_v_per_s": float(limit)} for limit in np.geomspace(_NEARLY * fastest, slowest, _N_TRIALS)
+        )

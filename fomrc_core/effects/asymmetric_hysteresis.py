@@ -36,8 +36,8 @@ class AsymmetricHysteresis(Effect):
         Parameter("thresholds_v", "V", 0.0, 1e6, is_list=True, description="half widths of the one-sided plays"),
         Parameter("knees_v", "V", -1e6, 1e6, is_list=True, description="where each begins to count"),
         Parameter("weights_um_per_v", "um/V", -1e6, 1e6, is_list=True, description="their weights"),
-        Parameter("warp_per_v", "1/V", -1.0, 1.0, description="quadratic warp of the drive"),
-        Parameter("warp_per_v2", "1/V^2", -1.0, 1.0, description="cubic warp of the drive"),
+        Parameter("warp_per_v", "1/V", -1e6, 1e6, description="quadratic warp of the drive"),
+        Parameter("warp_per_v2", "1/V^2", -1e12, 1e12, description="cubic warp of the drive"),
     )
     main_parameter: ClassVar[str] = "weights_um_per_v"
     meaning: ClassVar[str] = "Poled ceramic switches more easily along the poling field than against it."
@@ -126,15 +126,21 @@ class AsymmetricHysteresis(Effect):
         return out
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[AsymmetricHysteresis]:
         """Return the whole family of one-sided plays over the drive's range, with zero weights, and warps alone.
 
         Where the drive makes few kinds of loops the family is small: what no loop has shown, a weight would invent.
         """
         low, span = evidence.smallest_v, evidence.largest_v - evidence.smallest_v
+        if not span > 0.0:
+            return []
         is_rich = evidence.n_loop_kinds >= MANY_LOOPS
         shares = _FINE_THRESHOLD_SHARES if is_rich else _THRESHOLD_SHARES
         knees = _FINE_KNEE_SHARES if is_rich else _KNEE_SHARES
         pairs = [(span * t, low + span * k) for t in shares for k in knees]
-        family = cls(tuple(t for t, _ in pairs), tuple(k for _, k in pairs), (0.0,) * len(pairs))
-        return [family, cls(warp_per_v=1e-3 / span), cls(warp_per_v2=1e-3 / span**2)]
+        family = {
+            "thresholds_v": tuple(t for t, _ in pairs),
+            "knees_v": tuple(k for _, k in pairs),
+            "weights_um_per_v": (0.0,) * len(pairs),
+        }
+        return cls.proposed([family, {"warp_per_v": 1e-3 / span}, {"warp_per_v2": 1e-3 / span**2}])

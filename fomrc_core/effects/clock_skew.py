@@ -68,10 +68,10 @@ class ClockSkew(Effect):
         return False
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[ClockSkew]:
         """Return skews of either sign that shift the end of the record by a fraction of a sample and more."""
         unit = 1e6 * evidence.sample_period_s / evidence.duration_s
-        return [cls(ppm=unit * shift) for shift in (0.5, -0.5, 3.0, -3.0, 15.0, -15.0)]
+        return cls.proposed({"ppm": unit * shift} for shift in (0.5, -0.5, 3.0, -3.0, 15.0, -15.0))
 
 
 _KEPT = DELAY_CAPACITY

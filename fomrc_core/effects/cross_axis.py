@@ -20,7 +20,7 @@ class CrossAxis(Effect):
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "um/um or um/V", -1e3, 1e3, description="displacement per unit of the second axis"),
+        Parameter("gain", "um/um or um/V", -1e9, 1e9, description="displacement per unit of the second axis"),
     )
     covariate: ClassVar[Covariate | None] = Covariate.SECOND_AXIS
     main_parameter: ClassVar[str] = "gain"
@@ -46,6 +46,7 @@ class CrossAxis(Effect):
         return values if covariate is None else values - self.gain * covariate
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return a gain where a second axis was recorded."""
-        return [cls(gain=0.01)] if any(r.has(Covariate.SECOND_AXIS) for r in evidence.records) else []
+    def screening(cls, evidence: Evidence) -> list[CrossAxis]:
+        """Return a gain of a thousandth of the stroke over the second axis's range, where one was recorded."""
+        stroke_per_unit = evidence.stroke_per(Covariate.SECOND_AXIS)
+        return cls.proposed([{"gain": 1e-3 * stroke_per_unit}]) if stroke_per_unit > 0.0 else []

@@ -19,7 +19,7 @@ class DeadZone(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     order: ClassVar[float] = 40.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("half_width_v", "V", 0.0, 1e3, description="half width of the band"),
+        Parameter("half_width_v", "V", 0.0, 1e6, description="half width of the band"),
     )
     main_parameter: ClassVar[str] = "half_width_v"
     meaning: ClassVar[str] = "An output stage with crossover distortion passes nothing near zero volts."
@@ -45,7 +45,7 @@ class DeadZone(Effect):
         return values + np.sign(values) * self.half_width_v
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[DeadZone]:
         """Return widths of some thousandths to some hundredths of the range."""
         span = evidence.largest_v - evidence.smallest_v
-        return [cls(half_width_v=span * share) for share in (0.003, 0.01, 0.04)]
+        return cls.proposed({"half_width_v": span * share} for share in (0.003, 0.01, 0.04))

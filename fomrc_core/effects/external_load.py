@@ -12,11 +12,13 @@ from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
 _NEVER_S = 1e9  # beyond any record: a load that stays
-_RISE_S = 0.03  # a load put down by hand or machine has come to bear by then
-_BESIDE_S = 0.25  # on either side of an edge: long enough for a line, short enough for what creeps to be one
-_SURE = 5.0  # standard errors of a jump
-_SHORTEST_S = 1.0  # a shorter push is no load but a knock
+_SURE = 5.0  # standard errors of a level beside an edge
 _FIRST_MOVE = 0.1  # of the range of the drive
+# Times about an edge as shares of the record, and the fewest samples each must hold, in however short a record: the
+# load comes within the first, its levels before and after are measured within the second, it lasts for the third.
+_RISE, _BESIDE, _SHORTEST = 1.0 / 2500.0, 1.0 / 300.0, 1.0 / 75.0
+_RISE_SAMPLES, _BESIDE_SAMPLES, _SHORTEST_SAMPLES = 3, 25, 50
+_LEAST_LEVEL_SAMPLES = 10  # a straight line and its error from fewer say nothing
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class ExternalLoad(Effect):
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("displacement_um", "um", -1e3, 1e3, description="force over stiffness"),
+        Parameter("displacement_um", "um", -1e6, 1e6, description="force over stiffness"),
         Parameter("onset_s", "s", 0.0, _NEVER_S, description="when it begins, from the record's start"),
         Parameter("release_s", "s", 0.0, _NEVER_S, description="when it ends"),
     )
@@ -60,23 +62,31 @@ class ExternalLoad(Effect):
         A model that is wrong for some stretch of the drive leaves a residual that grows and fades; a load jumps.
         What jumps where the drive first leaves its starting voltage is memory of what went before.
         """
-        if self.release_s - self.onset_s < _SHORTEST_S:
+        duration_s, step_s = float(time_s[-1]), float(np.median(np.diff(time_s)))
+        if self.release_s - self.onset_s < max(_SHORTEST * duration_s, _SHORTEST_SAMPLES * step_s):
             return False
+        rise_s = max(_RISE * duration_s, _RISE_SAMPLES * step_s)
+        beside_s = max(_BESIDE * duration_s, _BESIDE_SAMPLES * step_s)
         edges = [(self.onset_s, self.displacement_um)]
         if self.release_s < time_s[-1]:
             edges.append((self.release_s, -self.displacement_um))
         return all(
-            _jumps(time_s, residual_um, edge_s, size) and not _is_first_move(time_s, voltage_v, edge_s)
+            _jumps(time_s, residual_um, edge_s, size, (rise_s, beside_s))
+            and not _is_first_move(time_s, voltage_v, edge_s, rise_s)
             for edge_s, size in edges
         )
 
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it comes within the record: what begins with it cannot be told from where it stands."""
+        return self.onset_s > max(_BESIDE * duration_s, _BESIDE_SAMPLES * step_s)
+
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[ExternalLoad]:
         """Return the best single step and pulse of each record's residual, by cumulated sums, and the pulse's edges.
 
         A base that has bent to a load that stayed leaves a short pulse of it.
         """
-        trials: list[Effect] = []
+        trials: list[dict[str, float]] = []
         for record in evidence.records:
             r = record.residual_um - np.mean(record.residual_um)
             total = np.concatenate(([0.0], np.cumsum(r)))
@@ -84,26 +94,35 @@ class ExternalLoad(Effect):
             k = np.arange(1, n)
             onset = int(k[np.argmax(total[k] ** 2 / (k * (n - k)))])
             step = -total[onset] * n / (onset * (n - onset))
-            trials.append(cls(float(step), float(record.time_s[onset])))
+            trials.append({"displacement_um": float(step), "onset_s": float(record.time_s[onset])})
             start, stop, size = _best_pulse(total)
             if 0 < start < stop < n:
                 start_s, stop_s = float(record.time_s[start]), float(record.time_s[stop])
-                trials += [cls(size, start_s, stop_s), cls(size, start_s), cls(-size, stop_s)]
-        return trials
+                trials += [
+                    {"displacement_um": size, "onset_s": start_s, "release_s": stop_s},
+                    {"displacement_um": size, "onset_s": start_s},
+                    {"displacement_um": -size, "onset_s": stop_s},
+                ]
+        return cls.proposed(trials)
 
 
-def _is_first_move(time_s: Array, voltage_v: Array, edge_s: float) -> bool:
+def _is_first_move(time_s: Array, voltage_v: Array, edge_s: float, rise_s: float) -> bool:
     """Return whether the drive moves at this moment and has not been far from where it began."""
-    beside = np.abs(time_s - edge_s) <= 2.0 * _RISE_S
+    beside = np.abs(time_s - edge_s) <= 2.0 * rise_s
     reach_v = float(np.max(np.abs(voltage_v[time_s <= edge_s] - voltage_v[0]), initial=0.0))
     span_v = float(np.ptp(voltage_v))
     return reach_v < _FIRST_MOVE * span_v and float(np.ptp(voltage_v[beside])) > 1e-3 * span_v
 
 
-def _jumps(time_s: Array, residual_um: Array, edge_s: float, size_um: float) -> bool:
-    before = (time_s >= edge_s - _BESIDE_S) & (time_s < edge_s - _RISE_S)
-    after = (time_s > edge_s + _RISE_S) & (time_s <= edge_s + _BESIDE_S)
-    if np.count_nonzero(before) < 10 or np.count_nonzero(after) < 10:
+def _jumps(time_s: Array, residual_um: Array, edge_s: float, size_um: float, about_s: tuple[float, float]) -> bool:
+    """Return whether the residual jumps by this size at an edge, within the first of two times about it [s].
+
+    Its levels before and after are those up to the second.
+    """
+    rise_s, beside_s = about_s
+    before = (time_s >= edge_s - beside_s) & (time_s < edge_s - rise_s)
+    after = (time_s > edge_s + rise_s) & (time_s <= edge_s + beside_s)
+    if min(np.count_nonzero(before), np.count_nonzero(after)) < _LEAST_LEVEL_SAMPLES:
         return False
     (level_before, error_before), (level_after, error_after) = (
         _level_at(time_s[side] - edge_s, residual_um[side]) for side in (before, after)

@@ -20,7 +20,7 @@ class GainDrift(Effect):
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 40.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("per_s", "1/s", -1.0, 1.0, description="relative change of the gain per second"),
+        Parameter("per_s", "1/s", -1e9, 1e9, description="relative change of the gain per second"),
     )
     main_parameter: ClassVar[str] = "per_s"
     meaning: ClassVar[str] = "The ceramic warms under cycling, or the sensor's reference drifts: the stroke changes."
@@ -48,6 +48,6 @@ class GainDrift(Effect):
         return changes * (1.0 + self.per_s * t)[:, None]
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[GainDrift]:
         """Return a drift of a thousandth over the record."""
-        return [cls(per_s=1e-3 / evidence.duration_s)]
+        return cls.proposed([{"per_s": 1e-3 / evidence.duration_s}])

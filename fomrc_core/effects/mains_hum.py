@@ -2,40 +2,60 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
-from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.kernels import elapsed_times
+from fomrc_core.effects.base.spectra import Spectrum, drive_lines
+
+_AMPLITUDES = ("amplitude_um", "second_amplitude_um", "third_amplitude_um")
+_PHASES = ("phase_rad", "second_phase_rad", "third_phase_rad")
+_LEAST_CYCLES = 10.0  # in a record: fewer are a drift that happens to turn
+_N_LINES = 6
+_N_TRIALS = 2
+# A play bends the response at corners, so that harmonics of the drive fall with their number squared; farther out
+# they are below a four-hundredth of the first, and no line.
+_N_DRIVE_HARMONICS = 20
 
 
 @dataclass(frozen=True)
 class MainsHum(Effect):
-    """One sine in time added to the reading."""
+    """A tone in time added to the reading: a sine, and where they show its second and third harmonic."""
 
     name: ClassVar[str] = "mains_hum"
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 60.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # a share of the frequency that turns the phase little, even at the end of an hour
-        Parameter("frequency_hz", "Hz", 1e-2, 1e6, is_log=True, description="frequency", difference=1e-8),
-        Parameter("amplitude_um", "um", -1e3, 1e3, description="amplitude"),
+        Parameter("frequency_hz", "Hz", 1e-7, 1e9, is_log=True, description="fundamental frequency", difference=1e-8),
+        Parameter("amplitude_um", "um", -1e6, 1e6, description="amplitude"),
         Parameter("phase_rad", "rad", -1e6, 1e6, description="phase at the record's first sample"),
+        Parameter("second_amplitude_um", "um", -1e6, 1e6, description="amplitude at twice the frequency"),
+        Parameter("second_phase_rad", "rad", -1e6, 1e6, description="its phase at the first sample"),
+        Parameter("third_amplitude_um", "um", -1e6, 1e6, description="amplitude at three times the frequency"),
+        Parameter("third_phase_rad", "rad", -1e6, 1e6, description="its phase at the first sample"),
     )
     main_parameter: ClassVar[str] = "frequency_hz"
     meaning: ClassVar[str] = "Mains or a fan couples into sensor or amplifier as one steady tone."
-    signature: ClassVar[str] = "one line in the residual's spectrum that does not depend on the drive"
+    signature: ClassVar[str] = "one line in the residual's spectrum, or it and its harmonics, whatever the drive does"
     experiment: ClassVar[str] = "hold the drive at rest for seconds and look at the spectrum"
     inverse_note: ClassVar[str] = "not inverted: its phase is not known while running"
     is_record_bound: ClassVar[bool] = True
-    linear_parameters: ClassVar[tuple[str, ...]] = ("amplitude_um",)
+    linear_parameters: ClassVar[tuple[str, ...]] = _AMPLITUDES
 
     frequency_hz: float
     amplitude_um: float
     phase_rad: float = 0.0
+    second_amplitude_um: float = 0.0
+    second_phase_rad: float = 0.0
+    third_amplitude_um: float = 0.0
+    third_phase_rad: float = 0.0
 
     def initial_state(self) -> Array:
         """Return (elapsed [s], started)."""
@@ -45,11 +65,24 @@ class MainsHum(Effect):
         """Return the reading [um] with the tone, shape (n_samples,)."""
         t = np.empty(steps_s.size)
         elapsed_times(state, steps_s, t)
-        return values + self.amplitude_um * np.sin(2.0 * np.pi * self.frequency_hz * t + self.phase_rad)
+        out = values
+        for harmonic, (amplitude, phase) in enumerate(zip(_AMPLITUDES, _PHASES, strict=True), start=1):
+            size_um = getattr(self, amplitude)
+            if size_um != 0.0:
+                turned = 2.0 * np.pi * harmonic * self.frequency_hz * t + getattr(self, phase)
+                out = out + size_um * np.sin(turned)
+        return out
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return the frequency, and amplitude and phase of every harmonic that is there."""
+        free = ["frequency_hz"]
+        for pair in zip(_AMPLITUDES, _PHASES, strict=True):
+            free += pair if getattr(self, pair[0]) != 0.0 else ()
+        return tuple(free)
 
     def scale_of(self, name: str, value: float) -> float:
-        """Return one radian as the unit of the phase."""
-        return 1.0 if name == "phase_rad" else super().scale_of(name, value)
+        """Return one radian as the unit of a phase."""
+        return 1.0 if name in _PHASES else super().scale_of(name, value)
 
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a tone of any frequency is as visible, see ``smallest_detectable_of_rms``."""
@@ -60,33 +93,75 @@ class MainsHum(Effect):
         """Return the amplitude of a sine of this rms [um]."""
         return {"amplitude_um": float(np.sqrt(2.0) * rms_um)}
 
+    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
+        """Return whether the tone is apart from every line of the record's drive and its harmonics."""
+        step_s = float(np.median(np.diff(time_s)))
+        return not _belongs_to_drive(self.frequency_hz, [drive_lines(voltage_v, step_s)])
+
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return the strongest line of the residual's spectrum, with its amplitude and phase."""
+    def screening(cls, evidence: Evidence) -> list[MainsHum]:
+        """Return the strongest lines of the residual's spectrum, with their harmonics, each with amplitude and phase.
+
+        No line within the resolution of one of a drive or its harmonics is tried, whichever record has that drive:
+        what is left of hysteresis there is no tone of its own.
+        """
         record = max(evidence.records, key=lambda r: r.time_s.size)
-        n = record.time_s.size
-        step = float(np.median(record.steps_s))
-        window = np.hanning(n)
-        spectrum = np.fft.rfft(record.residual_um * window, 4 * n)
-        power = np.abs(spectrum)
-        frequency = np.fft.rfftfreq(4 * n, step)
-        # a line stands out of its own neighbourhood; below some cycles per record it is drift
-        neighbourhood = _running_median(power, 801)
-        standing = np.where(frequency > max(5.0, 30.0 / (n * step)), power / (neighbourhood + 1e-30), 0.0)
-        trials: list[Effect] = []
-        for _ in range(2):
-            peak = int(np.argmax(standing))
-            if standing[peak] < 4.0:
-                break
-            amplitude = 2.0 * power[peak] / float(np.sum(window))
-            trials.append(cls(float(frequency[peak]), float(amplitude), float(np.angle(spectrum[peak]) + np.pi / 2.0)))
-            standing[max(0, peak - 40) : peak + 41] = 0.0
-        return trials
+        spectrum = Spectrum.of(record.residual_um, float(np.median(record.steps_s)))
+        lines_hz = spectrum.lines(_LEAST_CYCLES * spectrum.resolution_hz, _N_LINES)
+        if not lines_hz:
+            return []
+        drives = [drive_lines(r.voltage_v, float(np.median(r.steps_s))) for r in (*evidence.records, *evidence.beside)]
+        lines_hz = [line for line in lines_hz if not _belongs_to_drive(line, drives)]
+        trials: list[dict[str, float]] = []
+        for line in lines_hz:
+            harmonics = _harmonics_with(line, lines_hz, spectrum.resolution_hz)
+            is_taken = any(
+                abs(line - known * trial["frequency_hz"]) < spectrum.resolution_hz
+                for trial in trials
+                for known in (1, 2, 3)
+            )
+            if harmonics and not is_taken:
+                trials.append(_tone(record, harmonics))
+        return cls.proposed(trials[:_N_TRIALS])
 
 
-def _running_median(values: Array, width: int) -> Array:
-    # medians of blocks, linear between: a full running median would cost more than the transform
-    n_blocks = max(values.size // width, 1)
-    blocks = np.array_split(values, n_blocks)
-    centres = np.cumsum([b.size for b in blocks]) - np.array([b.size for b in blocks]) / 2.0
-    return np.interp(np.arange(values.size), centres, [float(np.median(b)) for b in blocks])
+def _belongs_to_drive(frequency_hz: float, drives: Iterable[tuple[Array, float]]) -> bool:
+    """Return whether a frequency [Hz] is within the resolution of a line of one of the drives or its harmonics."""
+    number = np.arange(1, _N_DRIVE_HARMONICS + 1)
+    return any(
+        lines_hz.size > 0 and bool(np.any(np.abs(lines_hz[:, None] * number - frequency_hz) <= resolution_hz))
+        for lines_hz, resolution_hz in drives
+    )
+
+
+def _harmonics_with(line_hz: float, lines_hz: list[float], resolution_hz: float) -> dict[int, float]:
+    """Return the tone a line belongs to, by the numbers of its harmonics [Hz]: the fundamental that has most lines.
+
+    A line may be the second or the third harmonic of a fundamental weaker than itself.
+    """
+    best: dict[int, float] = {}
+    for number in (1, 2, 3):
+        fundamental_hz = line_hz / number
+        found = {number: line_hz}
+        for other in (1, 2, 3):
+            near = [v for v in lines_hz if abs(v - other * fundamental_hz) < resolution_hz]
+            if other != number and near:
+                found[other] = near[0]
+        if len(found) > max(len(best), 0 if number == 1 else 1):
+            best = found
+    return best
+
+
+def _tone(record: RecordEvidence, harmonics: dict[int, float]) -> dict[str, float]:
+    """Return the parameters of a tone whose harmonics stand at these frequencies [Hz] in a record's residual."""
+    # the highest one is known best in share of itself
+    number = max(harmonics)
+    values = {"frequency_hz": harmonics[number] / number, "amplitude_um": 0.0}
+    window = np.hanning(record.time_s.size)
+    window /= np.sum(window)
+    for harmonic in harmonics:
+        turned = np.exp(-2.0j * np.pi * harmonic * values["frequency_hz"] * (record.time_s - record.time_s[0]))
+        height = 2.0 * complex(np.sum(window * (record.residual_um - np.mean(record.residual_um)) * turned))
+        values[_AMPLITUDES[harmonic - 1]] = abs(height)
+        values[_PHASES[harmonic - 1]] = math.atan2(height.imag, height.real) + 0.5 * math.pi
+    return values

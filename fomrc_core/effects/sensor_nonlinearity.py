@@ -19,8 +19,8 @@ class SensorNonlinearity(Effect):
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 50.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("quadratic_per_um", "1/um", -1.0, 1.0, description="quadratic error"),
-        Parameter("cubic_per_um2", "1/um^2", -1.0, 1.0, description="cubic error"),
+        Parameter("quadratic_per_um", "1/um", -1e9, 1e9, description="quadratic error"),
+        Parameter("cubic_per_um2", "1/um^2", -1e18, 1e18, description="cubic error"),
     )
     main_parameter: ClassVar[str] = "quadratic_per_um"
     meaning: ClassVar[str] = "A capacitive or strain sensor reads a curved scale."
@@ -57,8 +57,12 @@ class SensorNonlinearity(Effect):
         return abs(value) if value != 0.0 else 1e-3
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[SensorNonlinearity]:
         """Return both errors at a thousandth of the stroke, alone and together."""
         stroke = evidence.stroke_um
+        if not stroke > 0.0:
+            return []
         q, c = 1e-3 / stroke, 1e-3 / stroke**2
-        return [cls(quadratic_per_um=q), cls(cubic_per_um2=c), cls(q, -c)]
+        return cls.proposed(
+            [{"quadratic_per_um": q}, {"cubic_per_um2": c}, {"quadratic_per_um": q, "cubic_per_um2": -c}]
+        )

@@ -12,6 +12,9 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights, run_lag
 
+_SHORTEST_SAMPLES = 5.0  # a bend of fewer samples is no bend
+_LONGEST = 0.7  # of the record
+
 
 @dataclass(frozen=True)
 class SlowRelaxation(Effect):
@@ -22,7 +25,7 @@ class SlowRelaxation(Effect):
     order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude", "1", -0.9, 10.0, description="share of the displacement that arrives late"),
-        Parameter("time_constant_s", "s", 1e-4, 1e6, is_log=True, description="its time constant"),
+        Parameter("time_constant_s", "s", 1e-9, 1e9, is_log=True, description="its time constant"),
     )
     main_parameter: ClassVar[str] = "amplitude"
     meaning: ClassVar[str] = "An adhesive layer, clamp or load cell yields slowly, with one time constant."
@@ -51,15 +54,20 @@ class SlowRelaxation(Effect):
         _invert_relaxation(state, self.amplitude, self.time_constant_s, values, steps_s, out)
         return out
 
-    def is_plausible(self, duration_s: float) -> bool:
-        """Return whether the relaxation bends within the record; a longer one cannot be told from a drift."""
-        return self.time_constant_s <= 0.7 * duration_s
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether the relaxation adds to the displacement and bends within the record, over some samples.
+
+        One that takes away mends what another cause did, one of few samples is a lag, a longer one is a drift.
+        """
+        is_seen = _SHORTEST_SAMPLES * step_s <= self.time_constant_s <= _LONGEST * duration_s
+        return self.amplitude > 0.0 and is_seen
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
-        """Return time constants from ten samples to the length of the record."""
-        shortest, longest = 10.0 * evidence.sample_period_s, evidence.duration_s
-        return [cls(0.01, float(t)) for t in np.geomspace(shortest, longest, 8)]
+    def screening(cls, evidence: Evidence) -> list[SlowRelaxation]:
+        """Return time constants from some samples to the length of the record."""
+        shortest, longest = 2.0 * _SHORTEST_SAMPLES * evidence.sample_period_s, evidence.duration_s
+        times_s = np.geomspace(shortest, max(longest, shortest), 8)
+        return cls.proposed({"amplitude": 0.01, "time_constant_s": float(t)} for t in times_s)
 
 
 @compiled

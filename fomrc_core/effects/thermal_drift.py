@@ -12,6 +12,7 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
 
+_TRIAL_SHARE = 1e-3  # of the stroke: small enough that what a trial changes is in proportion to it
 _QUICKEST_WARM_UP = 0.08  # of the longest record
 
 
@@ -23,12 +24,12 @@ class ThermalDrift(Effect):
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 30.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("um_per_c", "um/degC", -1e3, 1e3, description="expansion per degree"),
-        Parameter("um_per_s", "um/s", -1e3, 1e3, description="drift where no temperature is recorded"),
-        Parameter("um_per_s2", "um/s^2", -1e3, 1e3, description="its curvature"),
-        Parameter("um_per_s3", "um/s^3", -1e3, 1e3, description="change of its curvature"),
-        Parameter("warm_up_um", "um", -1e3, 1e3, description="what a warm-up comes to in the end"),
-        Parameter("warm_up_s", "s", 1e-3, 1e6, is_log=True, description="time constant of the warm-up"),
+        Parameter("um_per_c", "um/degC", -1e9, 1e9, description="expansion per degree"),
+        Parameter("um_per_s", "um/s", -1e12, 1e12, description="drift where no temperature is recorded"),
+        Parameter("um_per_s2", "um/s^2", -1e18, 1e18, description="its curvature"),
+        Parameter("um_per_s3", "um/s^3", -1e24, 1e24, description="change of its curvature"),
+        Parameter("warm_up_um", "um", -1e6, 1e6, description="what a warm-up comes to in the end"),
+        Parameter("warm_up_s", "s", 1e-9, 1e9, is_log=True, description="time constant of the warm-up"),
     )
     covariate: ClassVar[Covariate | None] = Covariate.TEMPERATURE
     main_parameter: ClassVar[str] = "um_per_c"
@@ -81,7 +82,7 @@ class ThermalDrift(Effect):
             return ("um_per_c",)
         return ("warm_up_um", "warm_up_s") if self.warm_up_um != 0.0 else ("um_per_s", "um_per_s2", "um_per_s3")
 
-    def is_plausible(self, duration_s: float) -> bool:
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether a warm-up takes its time: one that is soon over is an actuator that creeps."""
         return self.warm_up_um == 0.0 or self.warm_up_s >= _QUICKEST_WARM_UP * duration_s
 
@@ -94,17 +95,18 @@ class ThermalDrift(Effect):
         return abs(value) if value != 0.0 else 1e-6
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[ThermalDrift]:
         """Return an expansion where the temperature was recorded, drifts (one there and back) and warm-ups."""
-        t = evidence.duration_s
-        trials: list[Effect] = [
-            cls(um_per_s=0.01 / t),
-            cls(um_per_s=0.02 / t, um_per_s2=-0.01 / t**2),
-            cls(um_per_s2=0.01 / t**2, um_per_s3=-0.01 / t**3),
-            cls(um_per_s=0.1 / t, um_per_s2=-0.3 / t**2, um_per_s3=0.2 / t**3),
-            cls(warm_up_um=0.01, warm_up_s=0.2 * t),
-            cls(warm_up_um=0.01, warm_up_s=0.6 * t),
+        t, size_um = evidence.duration_s, _TRIAL_SHARE * evidence.stroke_um
+        trials = [
+            {"um_per_s": size_um / t},
+            {"um_per_s": 2.0 * size_um / t, "um_per_s2": -size_um / t**2},
+            {"um_per_s2": size_um / t**2, "um_per_s3": -size_um / t**3},
+            {"um_per_s": size_um / t, "um_per_s2": -3.0 * size_um / t**2, "um_per_s3": 2.0 * size_um / t**3},
+            {"warm_up_um": size_um, "warm_up_s": 0.2 * t},
+            {"warm_up_um": size_um, "warm_up_s": 0.6 * t},
         ]
-        if all(record.has(Covariate.TEMPERATURE) for record in evidence.records):
-            trials.append(cls(um_per_c=0.01))
-        return trials
+        stroke_per_c = evidence.stroke_per(Covariate.TEMPERATURE)
+        if stroke_per_c > 0.0 and all(record.has(Covariate.TEMPERATURE) for record in evidence.records):
+            trials.append({"um_per_c": _TRIAL_SHARE * stroke_per_c})
+        return cls.proposed(trials)

@@ -24,7 +24,7 @@ class TransportDelay(Effect):
     name: ClassVar[str] = "transport_delay"
     stage: ClassVar[Stage] = Stage.MECHANICAL
     order: ClassVar[float] = 30.0
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", 0.0, 0.5, description="delay"),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", 0.0, 1e5, description="delay"),)
     main_parameter: ClassVar[str] = "delay_s"
     meaning: ClassVar[str] = "Conversion, filtering or transmission takes a fixed time between command and reading."
     signature: ClassVar[str] = "residual follows the rate of the displacement at every frequency, sharp after steps"
@@ -63,6 +63,6 @@ class TransportDelay(Effect):
         return _N_PARTS_RINGING if self.delay_s > 0.0 and any(effect.rings for effect in effects) else 1
 
     @classmethod
-    def screening(cls, evidence: Evidence) -> list[Effect]:
+    def screening(cls, evidence: Evidence) -> list[TransportDelay]:
         """Return delays from a fraction of a sample to ten samples."""
-        return [cls(delay_s=evidence.sample_period_s * samples) for samples in (0.3, 1.0, 3.0, 10.0)]
+        return cls.proposed({"delay_s": evidence.sample_period_s * samples} for samples in (0.3, 1.0, 3.0, 10.0))

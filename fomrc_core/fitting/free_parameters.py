@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 _LOG_DIFFERENCE = 5e-4  # of a logarithm: small beside its curvature, large beside the rounding of a simulation
 _SCALED_DIFFERENCE = 5e-3  # of a parameter's own unit
+# Of the stroke: what a difference should move the displacement by, so that rounding (1e-16) and bending are as far
+# away; within a factor of it any will do, and of nothing at all the size is guessed.
+_SHARE_OF_DIFFERENCE, _FAR, _NO_SHARE = 1e-5, 1e3, 1e-14
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,21 @@ class FreeParameter:
     def difference(self) -> float:
         """Coordinate step of the difference quotient."""
         return self.spec.difference or (_LOG_DIFFERENCE if self.spec.is_log else _SCALED_DIFFERENCE)
+
+    def resized_difference(self, trial: TrialModel, share: float) -> float:
+        """Return by how much a difference that moves the displacement by this share of its stroke must be resized.
+
+        A parameter has no unit of its own where it stands at zero, and one in proportion to which the displacement
+        changes says nothing of it: what it moves must be above rounding and below what bends. Only a parameter in
+        which the response is linear may be moved farther than its own difference.
+
+        Args:
+            trial: the model.
+            share: largest change of the displacement over its range [1].
+        """
+        is_linear = self.spec.name in self.cause_in(trial).linear_parameters
+        is_far = share > _SHARE_OF_DIFFERENCE * _FAR or (is_linear and share < _SHARE_OF_DIFFERENCE / _FAR)
+        return _SHARE_OF_DIFFERENCE / max(share, _NO_SHARE) if is_far and not self.spec.is_log else 1.0
 
 
 def free_parameters(trial: TrialModel) -> tuple[FreeParameter, ...]:

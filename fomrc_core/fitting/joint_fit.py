@@ -35,6 +35,7 @@ _CONVERGED = 3e-5
 _LARGEST_DAMPING = 1e6
 _LONGEST_LOG_STEP = 1.0  # a slope says nothing of a value several times smaller or larger
 _RESCAN_WIDTHS = (5e-4, 4e-5, 4e-6)
+_MOST_DIFFERENCES = 4  # tried for a direction, until one is neither rounding nor bent
 _PATIENCE = 4  # iterations before a start may be given up
 
 
@@ -86,23 +87,34 @@ def _directions(
     executor: Executor | None = None,
 ) -> tuple[Array, ...]:
     parts = [np.zeros((r.time_s.size, len(free))) for r in records]
+    stroke_um = max(float(np.ptp(values)) for values in base)
 
     def fill(k: int) -> None:
         parameter = free[k]
         step = parameter.difference
-        shifted = coordinates.copy()
-        shifted[k] += step
-        if parameter.coordinate(parameter.value(shifted[k])) - coordinates[k] < 0.5 * step:
-            step = -step
-            shifted[k] = coordinates[k] + step
-        try:
-            other = with_coordinates(chain, free, shifted)
-        except ParameterError:
-            return
-        for i, record in enumerate(records):
-            if parameter.index in (None, i):
-                change = (predict(other, record, i) - base[i]) / step
-                parts[i][:, k] = centred(change, record.is_used)
+        for _ in range(_MOST_DIFFERENCES):
+            shifted = coordinates.copy()
+            shifted[k] += step
+            if parameter.coordinate(parameter.value(shifted[k])) - coordinates[k] < 0.5 * step:
+                step = -step
+                shifted[k] = coordinates[k] + step
+            try:
+                other = with_coordinates(chain, free, shifted)
+                changes = {
+                    i: predict(other, record, i) - base[i]
+                    for i, record in enumerate(records)
+                    if parameter.index in (None, i)
+                }
+            except ParameterError:
+                return
+            if not changes:
+                return  # it belongs to a record that is not among these
+            factor = parameter.resized_difference(chain, max(float(np.ptp(c)) for c in changes.values()) / stroke_um)
+            if factor == 1.0:
+                break
+            step = abs(step) * factor
+        for i, change in changes.items():
+            parts[i][:, k] = centred(change / step, records[i].is_used)
 
     filled: Iterable[None] = map(fill, range(len(free))) if executor is None else executor.map(fill, range(len(free)))
     for _ in filled:

@@ -92,7 +92,12 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     mechanical = of_stage(effects, Stage.MECHANICAL)
     n_before = before.steps_s.size
     n_skipped = 0 if mechanical else n_before
-    columns = creep_columns(trial.columns, fit_modes(trial), voltage_v, steps_s, n_skipped)
+    widening = None
+    if drive.widening is not None:
+        earlier = np.ones(n_before) if before.widening is None else before.widening
+        widening = np.concatenate((earlier, drive.widening))
+    modes = fit_modes(trial)
+    columns = creep_columns(trial.columns, modes, voltage_v, steps_s, n_skipped, widening)
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before
@@ -147,8 +152,12 @@ def tangent(trial: TrialModel, records: tuple[FitRecord, ...]) -> Tangent:
     other = replace(trial, creep_order=trial.creep_order + step)
     parts = []
     gram = np.zeros((trial.weights.size + 1,) * 2)
+    is_order_free = not trial.replaces_creep
     for index, record in enumerate(records):
-        slope = (predict(other, record, index, is_coarse=True) - predict(trial, record, index, is_coarse=True)) / step
+        slope = np.zeros(record.time_s.size)
+        if is_order_free:
+            slope += predict(other, record, index, is_coarse=True) - predict(trial, record, index, is_coarse=True)
+            slope /= step
         columns = np.column_stack((record_columns(trial, record, index), slope))
         columns = centred(columns, record.is_used)
         used = columns if np.all(record.is_used) else columns[record.is_used]
@@ -160,4 +169,6 @@ def tangent(trial: TrialModel, records: tuple[FitRecord, ...]) -> Tangent:
 def moved(trial: TrialModel, change: Array) -> TrialModel:
     """Return the model with weights and, last, creep order changed; the order stays within what a model may have."""
     order = float(np.clip(trial.creep_order + change[-1], _MIN_ORDER, _MAX_ORDER))
+    if trial.replaces_creep:
+        order = trial.creep_order
     return replace(trial, weights=trial.weights + change[:-1], creep_order=order)

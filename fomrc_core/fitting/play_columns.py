@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.compiled import compiled_inline, compiled_sums
+from fomrc_core.compute.compiled import compiled, compiled_inline, compiled_sums
 from fomrc_core.effects import Effect
 from fomrc_core.operators.creep import (
     CURRENT_WEIGHT,
@@ -25,6 +25,7 @@ from fomrc_core.operators.creep import (
     WEIGHTED_DECAY,
     CreepModes,
     creep_block,
+    integrate,
     prepare_step,
 )
 
@@ -90,7 +91,14 @@ class ColumnKinds:
         )
 
 
-def creep_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps_s: Array, n_skipped: int = 0) -> Array:
+def creep_columns(
+    columns: ColumnKinds,
+    modes: CreepModes,
+    drive_v: Array,
+    steps_s: Array,
+    n_skipped: int = 0,
+    widening: Array | None = None,
+) -> Array:
     """Return the columns, shape (n_samples - n_skipped, n_columns), relaxed at the start.
 
     Args:
@@ -99,7 +107,10 @@ def creep_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps
         drive_v: voltage at the elements [V], shape (n_samples,).
         steps_s: steps [s], shape (n_samples,).
         n_skipped: samples before the record, run through but not returned.
+        widening: factor of the elements' thresholds, shape (n_samples,); one where not given.
     """
+    if widening is not None:
+        return _widened_columns(columns, modes, drive_v, steps_s, widening)[n_skipped:]
     out = np.empty((drive_v.size - n_skipped, columns.thresholds_v.size))
     block = creep_block(modes)
     drive, steps = np.ascontiguousarray(drive_v), np.ascontiguousarray(steps_s)
@@ -107,6 +118,30 @@ def creep_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps
     fill = _fill_equal_steps if n_changes <= _FEW_CHANGES * steps.size else _fill_any_steps
     fill(columns.thresholds_v, columns.knees_v, columns.kinds, block, drive, steps, n_skipped, out)
     return out
+
+
+def _widened_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps_s: Array, widening: Array) -> Array:
+    out = np.empty((drive_v.size, columns.thresholds_v.size))
+    one = np.ones(drive_v.size)
+    for j, threshold in enumerate(columns.thresholds_v):
+        factor = widening if columns.owners[j] == "" else one
+        values = np.empty(drive_v.size)
+        _run_widened(float(threshold), float(columns.knees_v[j]), int(columns.kinds[j]), drive_v, factor, values)
+        integrate(creep_block(modes), 0, values, steps_s, values)
+        out[:, j] = values
+    return out
+
+
+@compiled
+def _run_widened(threshold: float, knee: float, kind: int, drive: Array, widening: Array, out: Array) -> None:
+    play, slope = 0.0, 0.0
+    for k in range(drive.size):
+        wide = widening[k] * threshold
+        if play < drive[k] - wide:
+            play, slope = drive[k] - wide, -widening[k]
+        elif play > drive[k] + wide:
+            play, slope = drive[k] + wide, widening[k]
+        out[k] = max(play, knee) - max(0.0, knee) if kind == PLAY else slope
 
 
 @compiled_inline

@@ -65,6 +65,11 @@ class TrialModel:
         """Number of columns that are plays of an effect."""
         return int(np.count_nonzero(~self.columns.is_plain))
 
+    @property
+    def replaces_creep(self) -> bool:
+        """Whether an effect stands in the place of the creep order, which is then held at zero."""
+        return any(effect.replaces_creep for effect in self.effects)
+
     def operator(self) -> OperatorSum:
         """Return the plain plays as slope, thresholds and weights."""
         plain = self.columns.is_plain
@@ -126,7 +131,8 @@ class TrialModel:
             return self.with_start(index, cause)
         assert isinstance(cause, Effect)
         if index is None:
-            return replace(self, effects=(*(e for e in self.effects if e.name != cause.name), cause))
+            order = 0.0 if cause.replaces_creep else self.creep_order
+            return replace(self, effects=(*(e for e in self.effects if e.name != cause.name), cause), creep_order=order)
         bound = tuple(e for e in self.record_effects[index] if e.name != cause.name)
         return self.with_record_effects(index, (*bound, cause))
 

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from fomrc_core.compute.compiled import compiled_or, compiled_sums
 from fomrc_core.model.plain_kernels import PlainKernels
 from fomrc_core.operators.creep import differentiate, differentiate_step, integrate, integrate_step
-from fomrc_core.operators.hysteresis import move_plays, move_plays_batch, move_stops, move_stops_batch
+from fomrc_core.operators.hysteresis import (
+    move_plays,
+    move_plays_batch,
+    move_stops,
+    move_stops_batch,
+    move_widened_plays_batch,
+)
 
 Array = NDArray[np.float64]
 
@@ -74,6 +80,16 @@ def forward_beside(
         move_plays_batch(packed, 0, voltage_v[start:stop], moved)
         moved += beside_um[start:stop]
         integrate(packed, at_creep, moved, steps_s[start:stop], moved)
+
+
+@compiled_sums
+def forward_widened(
+    packed: Array, at_creep: int, voltage_v: Array, widening: Array, beside_um: Array, steps_s: Array, out: Array
+) -> None:
+    """Fill ``out`` with the displacement [um] where thresholds widen by a factor of each sample, (n_samples,)."""
+    move_widened_plays_batch(packed, 0, voltage_v, widening, out)
+    out += beside_um
+    integrate(packed, at_creep, out, steps_s, out)
 
 
 @compiled_or(_inverse_plain)

@@ -19,6 +19,9 @@ _N_RAMP = 40  # steps of a move: plays and creep see it as straight
 _N_HOLD = 40  # steps of a hold, ever longer, as creep forgets
 _SHORTEST_HOLD_STEP_S = 1e-3
 _LONG_REST_S = 1000.0  # creep of an order of some hundredths has come to rest by then
+# Of the record: a rest shorter than the first sees it begin, longer than the last has faded for most of it.
+_TRIAL_RESTS = (0.002, 0.013, 0.08)
+_TRIAL_HELD = 0.03
 _HELD_S = 1.0  # before a long rest at the same voltage: of no account
 
 
@@ -32,10 +35,10 @@ class Prehistory(Cause):
 
     name: ClassVar[str] = "initial_state"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("extreme_v", "V", -1e4, 1e4, description="voltage of the excursion before the record"),
-        Parameter("resting_v", "V", -1e4, 1e4, description="voltage just before the record"),
-        Parameter("held_s", "s", 1e-3, 1e5, is_log=True, description="how long the excursion was held"),
-        Parameter("resting_s", "s", 1e-3, 1e5, is_log=True, description="how long it then rested"),
+        Parameter("extreme_v", "V", -1e6, 1e6, description="voltage of the excursion before the record"),
+        Parameter("resting_v", "V", -1e6, 1e6, description="voltage just before the record"),
+        Parameter("held_s", "s", 1e-9, 1e9, is_log=True, description="how long the excursion was held"),
+        Parameter("resting_s", "s", 1e-9, 1e9, is_log=True, description="how long it then rested"),
     )
     main_parameter: ClassVar[str] = "extreme_v"
     meaning: ClassVar[str] = "The actuator had been moved before the record and was not relaxed."
@@ -84,11 +87,15 @@ class Prehistory(Cause):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Prehistory]:
-        """Return excursions to either end of the range, some seconds before the record."""
-        trials: list[Prehistory] = []
+        """Return excursions to either end of the range, held and rested for shares of what the record lasts."""
+        trials: list[dict[str, float]] = []
+        held_s = _TRIAL_HELD * evidence.duration_s
         span = evidence.largest_v - evidence.smallest_v
         first = float(evidence.records[0].voltage_v[0])
         for extreme in (evidence.largest_v, evidence.smallest_v, first + 0.3 * span, first - 0.3 * span):
             if abs(extreme - first) > 0.02 * span:
-                trials += [cls(extreme, first, 2.0, rest) for rest in (0.15, 1.0, 6.0)]
-        return trials
+                rests_s = (share * evidence.duration_s for share in _TRIAL_RESTS)
+                trials += [
+                    {"extreme_v": extreme, "resting_v": first, "held_s": held_s, "resting_s": rest} for rest in rests_s
+                ]
+        return cls.proposed(trials)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
-from fomrc_core.model.kernels import forward, forward_beside
+from fomrc_core.model.kernels import forward, forward_beside, forward_widened
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps, parts_of_steps, subdivide
 from fomrc_core.operators.creep import CreepModes, creep_block
@@ -32,11 +32,13 @@ class ElementDrive:
         steps_s: step that leads to each part [s], shape (n_parts,).
         voltage_v: voltage at the elements at the end of each part [V], shape (n_parts,).
         ends: part that ends at each sample, shape (n_samples,); None where no step is divided.
+        widening: factor of the elements' thresholds at the end of each part, shape (n_parts,); None where it is one.
     """
 
     steps_s: Array
     voltage_v: Array
     ends: NDArray[np.int64] | None
+    widening: Array | None = None
 
     def at_samples(self, values: Array) -> Array:
         """Return values of all parts, along the first axis, at the samples only."""
@@ -78,23 +80,36 @@ def drive_at_elements(
         substeps: how steps are divided.
         largest_v: largest threshold [V], where it is not that of the state's plays.
     """
+    is_held = False
     for effect in of_stage(effects, Stage.SAMPLED_DRIVE):
         drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
+        is_held = is_held or effect.holds
     last_v, state.last_input = state.last_input, float(drive_v[-1])
     ends = None
+    before_v = np.concatenate(([last_v], drive_v[:-1]))
     if substeps is not Substeps.NONE:
         if largest_v is None:
             n_plays = int(state.packed[N_PLAYS])
             largest_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
-        change_v = drive_v - np.concatenate(([last_v], drive_v[:-1]))
-        parts, state.bend = parts_of_steps(change_v, largest_v, effects, substeps, state.bend)
+        parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, effects, substeps, state.bend)
         if np.any(parts > 1):
-            steps_s, drive_v, ends = subdivide(steps_s, drive_v, last_v, parts)
+            steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)
+            if is_held:
+                fine_v = np.repeat(before_v, parts)
+                fine_v[ends] = 0.5 * (before_v + drive_v)
+            drive_v = fine_v
+    if is_held and ends is None:
+        drive_v = 0.5 * (before_v + drive_v)
     for effect in of_stage(effects, Stage.DRIVE):
         drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
     for effect in of_stage(effects, Stage.HYSTERESIS):
         drive_v = effect.warp(drive_v)
-    return ElementDrive(steps_s, drive_v, ends)
+    widening = None
+    for effect in of_stage(effects, Stage.HYSTERESIS):
+        factor = effect.widening(state.effects[effect.name], drive_v, steps_s)
+        if factor is not None:
+            widening = factor if widening is None else widening * factor
+    return ElementDrive(steps_s, drive_v, ends, widening)
 
 
 def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
@@ -108,7 +123,10 @@ def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effec
         added_um = np.zeros(drive.voltage_v.size)
         for effect in beside:
             added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
-        forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
+        if drive.widening is None:
+            forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
+        else:
+            forward_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
     else:
         forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
     for effect in of_stage(effects, Stage.MECHANICAL):

@@ -204,6 +204,29 @@ def move_plays_batch(packed: Array, at: int, values: Array, out: Array) -> None:
 
 
 @compiled_sums
+def move_widened_plays_batch(packed: Array, at: int, values: Array, widening: Array, out: Array) -> None:
+    """Fill ``out`` with the play sum for each input, all thresholds times a factor of each sample, (n_samples,).
+
+    A play whose threshold shrinks is taken along by its walls, as by an input that moves.
+    """
+    n_plays = int(packed[at + N_PLAYS])
+    first = at + HEADER
+    thresholds = packed[first : first + n_plays]
+    weights = packed[first + n_plays : first + 2 * n_plays]
+    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    slope = packed[at + SLOPE]
+    for k in range(values.size):
+        value, factor = values[k], widening[k]
+        total = 0.0
+        for j in range(n_plays):
+            threshold = factor * thresholds[j]
+            play = min(max(plays[j], value - threshold), value + threshold)
+            plays[j] = play
+            total += weights[j] * play
+        out[k] = slope * value + total
+
+
+@compiled_sums
 def move_stops_batch(packed: Array, at: int, values: Array, out: Array) -> None:
     """Fill ``out`` with the stop sum for each input, shape (n_samples,); the block's state moves on.
 

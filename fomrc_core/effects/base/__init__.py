@@ -10,6 +10,10 @@ __all__ = [
     "effect",
     "evidence",
     "kernels",
+    "linear_modes",
     "parameter",
+    "ringing",
+    "second_order",
+    "spectra",
     "step_form",
 ]

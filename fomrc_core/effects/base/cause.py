@@ -5,8 +5,9 @@ Most causes are effects in the chain (effect.py); the past of the actuator is on
 
 from __future__ import annotations
 
+import math
 from abc import ABC
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields
 from typing import Any, ClassVar, TypeVar
 
@@ -48,6 +49,7 @@ class Cause(ABC):
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
     adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search
     can_invert: ClassVar[bool] = False  # whether a compensator can undo it
+    generalizes: ClassVar[str] = ""  # name of the simpler cause it is for one value of a parameter it has beside
     size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small sizes
 
     def __post_init__(self) -> None:
@@ -80,6 +82,12 @@ class Cause(ABC):
         """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
         return abs(value) if value != 0.0 else 1.0
 
+    def takes_either_sign(self) -> bool:
+        """Return whether the signature may be turned about by the linear parameters that are not zero."""
+        sized = [name for name in self.linear_parameters if isinstance(getattr(self, name), float)]
+        acting = [self.parameter(name) for name in sized if getattr(self, name) != 0.0]
+        return bool(acting) and all(spec.lower < 0.0 for spec in acting)
+
     # --- how a diagnosis tells it
 
     @classmethod
@@ -87,12 +95,38 @@ class Cause(ABC):
         """Return trial instances whose signatures a diagnosis compares with what the model left over."""
         return []
 
+    @classmethod
+    def proposed(cls: type[AnyCause], trials: Iterable[Mapping[str, Any]]) -> list[AnyCause]:
+        """Return trial instances with these parameters, each once, those left out that cannot be.
+
+        Records come at any scale, so a trial may lie where no such cause can be: beyond the bounds of a parameter. A
+        linear parameter is then brought to its bound, for a diagnosis sizes it anyway; for any other the trial is
+        left out, and so is one that is not finite or contradicts itself. Nothing is raised.
+
+        Args:
+            trials: parameters of each, by name.
+        """
+        found: list[AnyCause] = []
+        for trial in trials:
+            values = dict(trial)
+            for name in set(cls.linear_parameters) & set(values):
+                spec = cls.parameter(name)
+                if not spec.is_list and math.isfinite(values[name]):
+                    values[name] = min(max(values[name], spec.lower), spec.upper)
+            try:
+                instance = cls(**values)
+            except ParameterError:
+                continue
+            if instance not in found:
+                found.append(instance)
+        return found
+
     def belongs_to_record(self) -> bool:
         """Return whether the parameters belong to one record and not to the actuator."""
         return self.is_record_bound
 
-    def is_plausible(self, duration_s: float) -> bool:
-        """Return whether records of this length [s] can show the cause with these parameters."""
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether records of this length and sample period [s] can show the cause with these parameters."""
         return True
 
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:

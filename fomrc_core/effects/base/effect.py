@@ -47,6 +47,7 @@ class Effect(Cause):
     rings: ClassVar[bool] = False  # whether its response to a jump swings within few samples
     owns_columns: ClassVar[bool] = False  # its plays are columns of a fit's linear part, see ``plays``
     slope_depends_on_input: ClassVar[bool] = False  # whether ``linearized`` looks at its ``values``
+    replaces_creep: ClassVar[bool] = False  # whether a model with it has no creep order of its own
 
     # --- in the chain
 
@@ -90,6 +91,26 @@ class Effect(Cause):
     def unwarp(self, warped_v: Array) -> Array:
         """Return the drive [V] that ``warp`` turns into this one."""
         return warped_v
+
+    @property
+    def holds(self) -> bool:
+        """Whether the drive stands still from sample to sample; only effects at the samples are asked.
+
+        Their ``run`` then returns what is held from each sample on, and the sample itself reads the jump half done.
+        """
+        return False
+
+    def widening(self, state: Array, drive_v: Array, steps_s: Array) -> Array | None:
+        """Return by which factor the elements' thresholds are wider, (n_samples,); None where they are as they are.
+
+        Only effects of the hysteresis stage are asked; the state moves on here, and ``run`` leaves it.
+
+        Args:
+            state: of the effect.
+            drive_v: warped drive [V], shape (n_samples,).
+            steps_s: step that leads to each sample [s], shape (n_samples,).
+        """
+        return None
 
     @classmethod
     def acts_before_record(cls) -> bool:

@@ -40,10 +40,17 @@ class RecordEvidence:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All records a diagnosis learns from."""
+    """All records a diagnosis learns from.
+
+    Attributes:
+        records: what trial instances are proposed for.
+        noise_um: noise floor [um].
+        beside: the other records there are, where instances are proposed for one record alone.
+    """
 
     records: tuple[RecordEvidence, ...]
     noise_um: float
+    beside: tuple[RecordEvidence, ...] = ()
 
     @property
     def sample_period_s(self) -> float:
@@ -79,3 +86,9 @@ class Evidence:
     def stroke_um(self) -> float:
         """Range of the predicted displacement [um]."""
         return max(float(np.ptp(record.predicted_um)) for record in self.records)
+
+    def stroke_per(self, covariate: Covariate) -> float:
+        """Return the stroke over the range of a signal [um per unit]; 0 where it was not recorded or rests."""
+        recorded = [r.covariates.of(covariate) for r in self.records]
+        largest = max((float(np.ptp(values)) for values in recorded if values is not None), default=0.0)
+        return self.stroke_um / largest if largest > 0.0 else 0.0

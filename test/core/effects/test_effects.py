@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from new_effects import NEW_EFFECTS
 from random_models import relative
 from scipy.integrate import solve_ivp
 
@@ -51,6 +52,7 @@ EFFECTS = [
     GainDrift(per_s=0.01),
     SensorNonlinearity(quadratic_per_um=0.004, cubic_per_um2=-0.003),
     MainsHum(frequency_hz=50.0, amplitude_um=0.01, phase_rad=0.3),
+    *NEW_EFFECTS,
 ]
 MODEL = PiezoModel([10.0, 4.0, 7.0, 1.5], [0.02, 0.1, 0.3], 0.02)
 IDS = [effect.name for effect in EFFECTS]

@@ -50,9 +50,23 @@ def test_a_jump_where_the_drive_first_moves_is_its_memory_and_no_load() -> None:
     assert load.is_confirmed(TIME_S, np.interp(TIME_S, [3.0, 10.0], [0.0, 4.0]), noise + jump)
 
 
-def test_a_relaxation_longer_than_the_record_is_not_plausible() -> None:
-    assert SlowRelaxation(0.02, 5.0).is_plausible(60.0)
-    assert not SlowRelaxation(0.02, 500.0).is_plausible(60.0)
+def test_a_relaxation_that_no_record_can_show_or_that_takes_away_is_not_plausible() -> None:
+    assert SlowRelaxation(0.02, 5.0).is_plausible(60.0, 1e-3)
+    assert not SlowRelaxation(0.02, 500.0).is_plausible(60.0, 1e-3)
+    assert not SlowRelaxation(0.02, 2e-3).is_plausible(60.0, 1e-3)
+    assert not SlowRelaxation(-0.02, 5.0).is_plausible(60.0, 1e-3)
+
+
+@pytest.mark.parametrize("step_s", [1e-6, 1e-3, 1.2])
+def test_a_load_is_confirmed_at_any_sample_rate_and_is_none_where_the_record_begins(step_s: float) -> None:
+    time_s = np.arange(3000) * step_s
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(time_s.size)
+    drive = 2.0 * np.sin(2.0 * np.pi * np.arange(3000) / 900.0)
+    jump = 0.01 * (np.arange(3000) >= 1000)
+    assert ExternalLoad(0.01, 1000 * step_s).is_confirmed(time_s, drive, noise + jump)
+    assert not ExternalLoad(0.01, 1300 * step_s).is_confirmed(time_s, drive, noise + jump)
+    assert ExternalLoad(0.01, 1000 * step_s).is_plausible(3000 * step_s, step_s)
+    assert not ExternalLoad(0.01, 5 * step_s).is_plausible(3000 * step_s, step_s)
 
 
 def test_a_gain_in_a_handful_of_samples_is_judged_by_the_noise() -> None:

@@ -1,0 +1,150 @@
+"""Linear dynamics as a sum of first-order modes side by side, exact for an input linear between samples.
+
+    output = through * input + sum_j gain_j * z_j,        dz_j/dt = rate_j (input - z_j),
+
+each mode by its own exponential, whatever the length of the step (lags and relaxations have real rates, a filter that
+overshoots pairs of complex ones, of which one stands for both).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.kernels import lag_weights
+
+_SERIES_LIMIT = 0.1  # of rate times step: below it the closed form of the ramp cancels
+_N_SERIES = 9
+
+
+def modes_at_rest(n_modes: int) -> Array:
+    """Return the state of real modes at rest: the input of the step before, then the modes."""
+    return np.zeros(1 + n_modes)
+
+
+@compiled
+def run_modes(
+    state: Array, rates_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
+) -> None:
+    """Fill ``out`` with the response of real modes, shape (n_samples,); the state moves on."""
+    n_modes = rates_per_s.size
+    decays, ramps = np.empty(n_modes), np.empty(n_modes)
+    step = -1.0
+    for k in range(values.size):
+        if steps_s[k] != step:
+            step = steps_s[k]
+            for j in range(n_modes):
+                decays[j], ramps[j] = lag_weights(step * rates_per_s[j])
+        before, now = state[0], values[k]
+        total = through * now
+        for j in range(n_modes):
+            mode = decays[j] * state[1 + j] + (1.0 - decays[j] - ramps[j]) * before + ramps[j] * now
+            state[1 + j] = mode
+            total += gains[j] * mode
+        state[0] = now
+        out[k] = total
+
+
+@compiled
+def undo_modes(
+    state: Array, rates_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
+) -> None:
+    """Fill ``out`` with the input whose response ``run_modes`` is these values, exactly; the state moves on."""
+    n_modes = rates_per_s.size
+    decays, ramps = np.empty(n_modes), np.empty(n_modes)
+    step, share = -1.0, 1.0
+    for k in range(values.size):
+        if steps_s[k] != step:
+            step, share = steps_s[k], through
+            for j in range(n_modes):
+                decays[j], ramps[j] = lag_weights(step * rates_per_s[j])
+                share += gains[j] * ramps[j]
+        before = state[0]
+        known = 0.0
+        for j in range(n_modes):
+            mode = decays[j] * state[1 + j] + (1.0 - decays[j] - ramps[j]) * before
+            state[1 + j] = mode
+            known += gains[j] * mode
+        now = (values[k] - known) / share
+        for j in range(n_modes):
+            state[1 + j] += ramps[j] * now
+        state[0] = now
+        out[k] = now
+
+
+def pairs_at_rest(n_pairs: int) -> Array:
+    """Return the state of complex modes at rest: the input of the step before, then each mode's two parts."""
+    return np.zeros(1 + 2 * n_pairs)
+
+
+@compiled
+def _pair_weights(x: float, y: float) -> tuple[float, float, float, float]:
+    """Return decay exp(z) and ramp 1 - (exp(z) - 1) / z of z = x + i y = pole times step, both parts of each."""
+    size = math.exp(x)
+    decay_re, decay_im = size * math.cos(y), size * math.sin(y)
+    square = x * x + y * y
+    if square > _SERIES_LIMIT * _SERIES_LIMIT:
+        a, b = decay_re - 1.0, decay_im
+        return decay_re, decay_im, 1.0 - (a * x + b * y) / square, -(b * x - a * y) / square
+    # -(z/2! + z^2/3! + ...)
+    power_re, power_im, ramp_re, ramp_im = 1.0, 0.0, 0.0, 0.0
+    for n in range(1, _N_SERIES):
+        power_re, power_im = (power_re * x - power_im * y) / (n + 1.0), (power_re * y + power_im * x) / (n + 1.0)
+        ramp_re -= power_re
+        ramp_im -= power_im
+    return decay_re, decay_im, ramp_re, ramp_im
+
+
+@compiled
+def run_pairs(state: Array, poles_per_s: Array, gains: Array, values: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with the real part of sum_j gain_j z_j, dz_j/dt = pole_j (z_j - input); the state moves on.
+
+    Args:
+        state: from ``pairs_at_rest``.
+        poles_per_s: real and imaginary parts, shape (n_pairs, 2).
+        gains: the same of the gains, shape (n_pairs, 2).
+        values: input, shape (n_samples,).
+        steps_s: steps [s], shape (n_samples,).
+        out: response, shape (n_samples,).
+    """
+    n_pairs = poles_per_s.shape[0]
+    weights = np.empty((n_pairs, 4))
+    step = -1.0
+    for k in range(values.size):
+        if steps_s[k] != step:
+            step = steps_s[k]
+            for j in range(n_pairs):
+                w = _pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
+                weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3] = w
+        before, now = state[0], values[k]
+        total = 0.0
+        for j in range(n_pairs):
+            re, im = state[1 + 2 * j], state[2 + 2 * j]
+            d, e, r, s = weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3]
+            new_re = d * re - e * im + (1.0 - d - r) * before + r * now
+            new_im = d * im + e * re - (e + s) * before + s * now
+            state[1 + 2 * j], state[2 + 2 * j] = new_re, new_im
+            total += gains[j, 0] * new_re - gains[j, 1] * new_im
+        state[0] = now
+        out[k] = total
+
+
+_LOGARITHMIC_FIRST, _LOGARITHMIC_LAST = (
+    -2,
+    20,
+)  # of e-folds from the onset: nothing faster, nothing within a record slower
+
+
+def logarithmic_modes(onset_s: float) -> tuple[Array, Array]:
+    """Return rates [1/s] and gains of modes that after a unit step add up to ln(1 + t / onset_s).
+
+    ln(1 + t / T) is the integral of exp(-s T) (1 - exp(-s t)) / s over all rates s (Frullani): a sum over rates a
+    factor e apart, of which those slower than a hundred million times the onset, and those that the exponential
+    leaves nothing of, are left out. The sum errs by some 1e-4 of a neper.
+    """
+    folds = np.arange(_LOGARITHMIC_FIRST, _LOGARITHMIC_LAST)
+    rates_onset = np.exp(-folds.astype(np.float64))
+    return rates_onset / onset_s, np.exp(-rates_onset)

@@ -1,0 +1,106 @@
+"""Creep follows another law than the power of time: its logarithm, or a few relaxations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, run_modes, undo_modes
+
+_SHARES = ("first_share", "second_share", "third_share")
+_TIMES = ("first_s", "second_s", "third_s")
+_SHORTEST_SAMPLES, _LONGEST = 5.0, 0.7  # of a relaxation: samples, and of the record
+
+
+@dataclass(frozen=True)
+class CreepLaw(Effect):
+    """Creep in place of the fractional order, which is zero where this acts; exact between samples.
+
+    After a step x: x (1 + per_decade log10(1 + t / onset_s)), the law of Jung and Gweon, and beside it or instead
+    up to three relaxations, x share (1 - exp(-t / time)).
+    """
+
+    name: ClassVar[str] = "creep_law"
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 2.0
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("per_decade", "1", 0.0, 10.0, description="growth of the displacement in each decade of time"),
+        Parameter("onset_s", "s", 1e-12, 1e9, is_log=True, description="time after a step from which it grows so"),
+        Parameter("first_share", "1", 0.0, 10.0, description="share of the displacement that arrives late"),
+        Parameter("first_s", "s", 1e-12, 1e9, is_log=True, description="its time constant"),
+        Parameter("second_share", "1", 0.0, 10.0, description="share that arrives later"),
+        Parameter("second_s", "s", 1e-12, 1e9, is_log=True, description="its time constant"),
+        Parameter("third_share", "1", 0.0, 10.0, description="share that arrives last"),
+        Parameter("third_s", "s", 1e-12, 1e9, is_log=True, description="its time constant"),
+    )
+    main_parameter: ClassVar[str] = "per_decade"
+    linear_parameters: ClassVar[tuple[str, ...]] = ("per_decade", *_SHARES)
+    replaces_creep: ClassVar[bool] = True
+    meaning: ClassVar[str] = "The ceramic's domains settle with another spread of times than the power law has."
+    signature: ClassVar[str] = "after each step the residual bends in log time, at the same times whatever the step"
+    experiment: ClassVar[str] = "one large step held for four decades of time, sampled evenly in log time"
+    inverse_note: ClassVar[str] = "inverted exactly"
+    can_invert: ClassVar[bool] = True
+
+    per_decade: float = 0.0
+    onset_s: float = 1.0
+    first_share: float = 0.0
+    first_s: float = 1.0
+    second_share: float = 0.0
+    second_s: float = 1.0
+    third_share: float = 0.0
+    third_s: float = 1.0
+
+    def _modes(self) -> tuple[Array, Array]:
+        """Return rates [1/s] and gains of its modes: those of the logarithm, then the relaxations."""
+        rates, gains = logarithmic_modes(self.onset_s)
+        times_s = [getattr(self, name) for name in _TIMES]
+        shares = [getattr(self, name) for name in _SHARES]
+        gains = gains * (self.per_decade / math.log(10.0))
+        return np.concatenate((rates, 1.0 / np.array(times_s))), np.concatenate((gains, shares))
+
+    def initial_state(self) -> Array:
+        """Return (input, then each mode) [um] of the step before, at rest."""
+        return modes_at_rest(self._modes()[0].size)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement that has crept [um], shape (n_samples,)."""
+        out = np.empty(values.size)
+        run_modes(state, *self._modes(), 1.0, values, steps_s, out)
+        return out
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement before creep [um], exactly."""
+        out = np.empty(values.size)
+        undo_modes(state, *self._modes(), 1.0, values, steps_s, out)
+        return out
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return the size and time of what there is."""
+        free: list[str] = []
+        for pair in (("per_decade", "onset_s"), *zip(_SHARES, _TIMES, strict=True)):
+            free += pair if getattr(self, pair[0]) != 0.0 else ()
+        return tuple(free)
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether every relaxation bends within the record, over some samples."""
+        pairs = zip(_SHARES, _TIMES, strict=True)
+        times_s = [getattr(self, time) for share, time in pairs if getattr(self, share) != 0.0]
+        return all(_SHORTEST_SAMPLES * step_s <= time <= _LONGEST * duration_s for time in times_s)
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[CreepLaw]:
+        """Return logarithms that begin within a sample and later, and two and three relaxations over the record."""
+        step_s, duration_s = evidence.sample_period_s, evidence.duration_s
+        trials: list[dict[str, float]] = [
+            {"per_decade": 0.01, "onset_s": onset} for onset in (step_s, 20.0 * step_s, 0.02 * duration_s)
+        ]
+        for shares in ((0.003, 0.05), (0.0005, 0.01, 0.2)):
+            names = zip(_SHARES, _TIMES, shares, strict=False)
+            trials.append({key: value for s, t, f in names for key, value in ((s, 0.01), (t, f * duration_s))})
+        return cls.proposed(trials)

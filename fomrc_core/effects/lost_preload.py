@@ -1,0 +1,70 @@
+"""Below one displacement the stage is no longer pressed on, and follows otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.evidence import Evidence
+
+
+@dataclass(frozen=True)
+class LostPreload(Effect):
+    """A kink: below one displacement the stage moves by another share of what the actuator does."""
+
+    name: ClassVar[str] = "lost_preload"
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 12.0
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("kink_um", "um", -1e6, 1e6, description="displacement of the kink"),
+        Parameter("slope_change", "1", -0.999, 10.0, description="relative change of the slope below it"),
+    )
+    main_parameter: ClassVar[str] = "kink_um"
+    linear_parameters: ClassVar[tuple[str, ...]] = ("slope_change",)
+    meaning: ClassVar[str] = "Spring or glue no longer press the stage on: below one displacement a joint gives way."
+    signature: ClassVar[str] = "residual is one broken line of the displacement, the same on the way up and down"
+    experiment: ClassVar[str] = (
+        "a slow triangle over the whole stroke, then with more preload: the kink moves or goes; a contact that is made "
+        "stands where the other part does"
+    )
+    inverse_note: ClassVar[str] = "inverted exactly"
+    can_invert: ClassVar[bool] = True
+    slope_depends_on_input: ClassVar[bool] = True
+
+    kink_um: float
+    slope_change: float
+
+    def initial_state(self) -> Array:
+        """Return an empty state: the kink has no memory."""
+        return np.zeros(0)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement of the stage [um], shape (n_samples,)."""
+        return np.asarray(values + self.slope_change * np.minimum(values - self.kink_um, 0.0))
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the displacement of the actuator [um], exactly."""
+        below = np.minimum(values - self.kink_um, 0.0)
+        return np.asarray(values - below * (self.slope_change / (1.0 + self.slope_change)))
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes times the slope where the displacement stands."""
+        if values is None:
+            return changes
+        return np.asarray(changes * (1.0 + self.slope_change * (values < self.kink_um))[:, None])
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return the change of slope data would just have shown at this kink."""
+        return {"slope_change": abs(self.slope_change) * factor}
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[LostPreload]:
+        """Return small kinks across the stroke."""
+        low = min(float(np.min(record.predicted_um)) for record in evidence.records)
+        return cls.proposed(
+            {"kink_um": low + share * evidence.stroke_um, "slope_change": 0.01}
+            for share in (0.08, 0.2, 0.35, 0.5, 0.65, 0.8, 0.92)
+        )

@@ -1,0 +1,90 @@
+"""The sensor's electronics are a low-pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
+
+_MOST_POLES = 4
+
+
+@dataclass(frozen=True)
+class SensorBandwidth(Effect):
+    """Butterworth low-pass of the displacement as it is read, exact for a displacement linear between samples.
+
+    It stands among the mechanics, not with what is done at the samples, for what it filters has moved in between.
+    """
+
+    name: ClassVar[str] = "sensor_bandwidth"
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    order: ClassVar[float] = 25.0
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("cutoff_hz", "Hz", 1e-7, 1e9, is_log=True, description="-3 dB frequency"),
+        Parameter("n_poles", "1", 1.0, float(_MOST_POLES), description="number of poles, a whole number"),
+    )
+    main_parameter: ClassVar[str] = "cutoff_hz"
+    held_parameters: ClassVar[tuple[str, ...]] = ("n_poles",)
+    meaning: ClassVar[str] = "The sensor's electronics or the recorder's filter smooth the reading, so that it lags."
+    signature: ClassVar[str] = (
+        "residual follows the rate of the displacement, hysteresis and creep with it, much as behind a slow amplifier"
+    )
+    experiment: ClassVar[str] = (
+        "multisines of two amplitudes beyond the cutoff: what lags behind the sensor lags as much at both, what lags "
+        "before the ceramic moves its loops; or a second, faster sensor beside this one"
+    )
+    inverse_note: ClassVar[str] = "not inverted: the reading lags, not the position"
+    needs_substeps: ClassVar[bool] = True
+    size_exponent: ClassVar[float] = -1.0
+
+    cutoff_hz: float
+    n_poles: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "n_poles", float(round(self.n_poles)))
+
+    def initial_state(self) -> Array:
+        """Return (input [um] of the step before, then both parts of each pole's mode), at rest."""
+        return pairs_at_rest((int(self.n_poles) + 1) // 2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the filtered displacement [um], shape (n_samples,)."""
+        out = np.empty(values.size)
+        poles, gains = butterworth_modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))
+        run_pairs(state, poles, gains, values, steps_s, out)
+        return out
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[SensorBandwidth]:
+        """Return cutoffs up to half the sample rate, of one pole and of four."""
+        rate = 1.0 / evidence.sample_period_s
+        return cls.proposed(
+            {"cutoff_hz": rate * share, "n_poles": n_poles}
+            for n_poles in (1.0, 2.0, 4.0)
+            for share in (0.005, 0.02, 0.08, 0.3)
+        )
+
+
+def butterworth_modes(cutoff_per_s: float, n_poles: int) -> tuple[Array, Array]:
+    """Return poles [1/s] and gains of a Butterworth low-pass as modes side by side, each of shape (n_pairs, 2).
+
+    Of each conjugate pair of poles one is given, its gain doubled; the columns are real and imaginary parts.
+
+    Args:
+        cutoff_per_s: -3 dB angular frequency [rad/s].
+        n_poles: number of poles.
+    """
+    angles = np.pi * (2.0 * np.arange(n_poles) + n_poles + 1.0) / (2.0 * n_poles)
+    poles = np.exp(1j * angles)
+    # H(s) = prod p_j / (p_j - s) = sum_j g_j p_j / (p_j - s)
+    gains = np.array([np.prod([q / (q - p) for k, q in enumerate(poles) if k != j]) for j, p in enumerate(poles)])
+    upper = poles.imag > -1e-9  # of a pair the upper one; a pole on the axis stands alone
+    gains = gains[upper] * np.where(poles[upper].imag > 1e-9, 2.0, 1.0)
+    poles = poles[upper] * cutoff_per_s
+    return np.column_stack((poles.real, poles.imag)), np.column_stack((gains.real, gains.imag))

@@ -1,0 +1,100 @@
+"""The ceramic's capacitance changes with its voltage, and with it the amplifier's lag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.kernels import lag_weights
+
+_LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
+_BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
+_MOST_PARTS = 64
+
+
+@compiled
+def _capacitance(voltage: float, per_v: float) -> float:
+    return max(1.0 + per_v * voltage, _LEAST_CAPACITANCE)
+
+
+@compiled
+def _run_capacitance(
+    state: Array, time_constant_s: float, per_v: float, values: Array, steps_s: Array, out: Array
+) -> None:
+    # T0 C(y) y' = u - y. Over a part in which C hardly changes the lag is exact with C at its middle, found by a
+    # first step with C at its start: second order in the part.
+    output, before = state[0], state[1]
+    for k in range(values.size):
+        step, now = steps_s[k], values[k]
+        decay, _ = lag_weights(step / (time_constant_s * _capacitance(output, per_v)))
+        reach = max(abs(before - output), abs(now - output)) * (1.0 - decay)
+        n_parts = int(min(1.0 + abs(per_v) * reach / _BEND, _MOST_PARTS))
+        part, rise = step / n_parts, (now - before) / n_parts
+        for j in range(n_parts):
+            first, last = before + j * rise, before + (j + 1) * rise
+            decay, ramp = lag_weights(part / (time_constant_s * _capacitance(output, per_v)))
+            guess = decay * output + (1.0 - decay - ramp) * first + ramp * last
+            decay, ramp = lag_weights(part / (time_constant_s * _capacitance(0.5 * (output + guess), per_v)))
+            output = decay * output + (1.0 - decay - ramp) * first + ramp * last
+        before = now
+        out[k] = output
+    state[0], state[1] = output, before
+
+
+@dataclass(frozen=True)
+class VoltageDependentCapacitance(Effect):
+    """First-order lag of the drive whose time constant grows in proportion to the voltage at the ceramic."""
+
+    name: ClassVar[str] = "voltage_dependent_capacitance"
+    stage: ClassVar[Stage] = Stage.DRIVE
+    order: ClassVar[float] = 26.0
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("time_constant_s", "s", 1e-10, 1e7, is_log=True, description="time constant at zero volts"),
+        Parameter("per_v", "1/V", -1e6, 1e6, description="relative change of the capacitance per volt"),
+    )
+    main_parameter: ClassVar[str] = "time_constant_s"
+    generalizes: ClassVar[str] = "amplifier_bandwidth"
+    meaning: ClassVar[str] = "A ceramic's permittivity depends on its field, so the amplifier charges it less quickly."
+    signature: ClassVar[str] = "residual follows the rate of the drive, by a share that depends on the voltage"
+    experiment: ClassVar[str] = "equal small steps at several mean voltages, sampled fast: they arrive at unequal speed"
+    inverse_note: ClassVar[str] = "inverted: the voltage leads by the time constant at its voltage times its rate"
+    needs_substeps: ClassVar[bool] = True
+    can_invert: ClassVar[bool] = True
+
+    time_constant_s: float
+    per_v: float
+
+    def initial_state(self) -> Array:
+        """Return (output, input) [V] of the step before, at rest."""
+        return np.zeros(2)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the voltage at the ceramic [V], shape (n_samples,)."""
+        out = np.empty(values.size)
+        _run_capacitance(state, self.time_constant_s, self.per_v, values, steps_s, out)
+        return out
+
+    def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the drive [V] that gives the wanted voltage; backward difference, so it cannot ring."""
+        before = np.concatenate((state[:1], values[:-1]))
+        state[0] = state[1] = values[-1]
+        capacitance = np.maximum(1.0 + self.per_v * values, _LEAST_CAPACITANCE)
+        return np.asarray(values + self.time_constant_s * capacitance * (values - before) / steps_s)
+
+    def scale_of(self, name: str, value: float) -> float:
+        """Return a unit for a capacitance that does not change."""
+        return abs(value) if value != 0.0 else 1e-3
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[VoltageDependentCapacitance]:
+        """Return lags of some samples and of many, half as long again at the largest voltage, or half as long."""
+        step_s, reach_v = evidence.sample_period_s, max(abs(evidence.largest_v), abs(evidence.smallest_v))
+        if not reach_v > 0.0:
+            return []
+        trials = [(n, change / reach_v) for n in (1.0, 8.0) for change in (0.5, -0.5)]
+        return cls.proposed({"time_constant_s": n * step_s, "per_v": per_v} for n, per_v in trials)

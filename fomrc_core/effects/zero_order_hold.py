@@ -1,0 +1,98 @@
+"""The drive stands still between the samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
+
+_MOST_SAMPLES = 20  # held longer, each level is seen in the displacement itself
+_N_TRIALS = 2
+_N_PARTS_JUMPING = 16  # of what a hold does to a lag of two samples a part this wide misses a twentieth
+
+
+@compiled
+def _run_hold(state: Array, hold_s: float, values: Array, steps_s: Array, out: Array) -> None:
+    # state: (value held, time since it was taken, whether one was). Samples are few to a hold and not quite even: the
+    # sample nearest to when the hold is over ends it.
+    for k in range(values.size):
+        state[1] += steps_s[k]
+        if state[2] == 0.0 or state[1] >= hold_s - 0.5 * steps_s[k]:
+            state[0], state[1], state[2] = values[k], 0.0, 1.0
+        out[k] = state[0]
+
+
+@dataclass(frozen=True)
+class ZeroOrderHold(Effect):
+    """The command is taken at a sample and held for a time, where the model would go straight to the next sample.
+
+    A sample falls on the jump from one hold to the next and reads it half done, so that the hold costs half of its
+    time: on a chain without dynamics nothing tells it from a delay.
+    """
+
+    name: ClassVar[str] = "zero_order_hold"
+    stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
+    order: ClassVar[float] = 20.0
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("hold_s", "s", 0.0, 1e5, description="how long a value is held, a number of samples"),
+    )
+    main_parameter: ClassVar[str] = "hold_s"
+    held_parameters: ClassVar[tuple[str, ...]] = ("hold_s",)
+    meaning: ClassVar[str] = "The converter keeps its voltage until the next sample, on average half a sample too long."
+    signature: ClassVar[str] = "residual follows the rate of the displacement like that of half a hold's delay"
+    experiment: ClassVar[str] = (
+        "sample the displacement some times faster than the drive is updated: a hold shows as stairs, a delay does not"
+    )
+    inverse_note: ClassVar[str] = "no inverse: between two updates nothing can be done; update faster"
+    needs_substeps: ClassVar[bool] = True
+
+    hold_s: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the drive stands still between samples."""
+        return self.hold_s > 0.0
+
+    def initial_state(self) -> Array:
+        """Return (value held [V], time since it was taken [s], whether one was)."""
+        return np.zeros(3)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the drive [V] that is held from each sample on, shape (n_samples,)."""
+        if not self.holds:
+            return values
+        out = np.empty(values.size)
+        _run_hold(state, self.hold_s, values, steps_s, out)
+        return out
+
+    def least_parts(self, effects: tuple[Effect, ...]) -> int:
+        """Return more parts where something behind the hold sees its jumps, spread over a part on either side."""
+        sees_jumps = any(effect.needs_substeps and effect.name != self.name for effect in effects)
+        return _N_PARTS_JUMPING if self.holds and sees_jumps else 1
+
+    def smallest_detectable(self, factor: float) -> dict[str, float]:
+        """Return nothing: a hold is a number of samples, of which none is smaller than one."""
+        return {}
+
+    @classmethod
+    def screening(cls, evidence: Evidence) -> list[ZeroOrderHold]:
+        """Return the numbers of samples whose holds make a drive most like the residual."""
+        gains = {n: sum(_likeness(r, n) for r in evidence.records) for n in range(1, _MOST_SAMPLES + 1)}
+        likeliest = sorted(gains, key=lambda n: -gains[n])[:_N_TRIALS]
+        return cls.proposed({"hold_s": n * evidence.sample_period_s} for n in likeliest)
+
+
+def _likeness(record: RecordEvidence, n_samples: int) -> float:
+    """Return what of the residual is like the change of the drive by holds of this many samples [um^2]."""
+    drive = record.voltage_v
+    held = drive[(np.arange(drive.size) // n_samples) * n_samples]
+    before = np.concatenate((held[:1], held[:-1]))
+    change = 0.5 * (held + before) - drive
+    change = change - np.mean(change)
+    power = float(np.dot(change, change))
+    return float(np.dot(change, record.residual_um)) ** 2 / power if power > 0.0 else 0.0
