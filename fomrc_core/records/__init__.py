@@ -7,7 +7,10 @@ __all__ = [
     "drive",
     "excitation",
     "noise",
+    "noise_estimate",
+    "noise_model",
     "recording",
+    "repeats",
     "residual",
     "usability",
 ]

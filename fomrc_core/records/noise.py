@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import welch
 
+from fomrc_core.compute.arrays import Array
+from fomrc_core.records.noise_spectrum import spectrum_of
+from fomrc_core.records.noise_stretches import stretches_of_repeats
 from fomrc_core.records.recording import Recording
+from fomrc_core.records.repeats import find_repeats
+from fomrc_core.records.spectral_lines import without_lines
 
-Array = NDArray[np.float64]
-
+# pairs of lags 1-2 and 3-4 within half of the values
+_N_CORRELATED_MIN = 10
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
@@ -38,7 +42,7 @@ class NoiseFloor:
         return bool(np.isfinite(self.repeats_um))
 
 
-def noise_floor(recordings: list[Recording] | tuple[Recording, ...]) -> NoiseFloor:
+def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     """Return the noise floor of the recordings [um]."""
     differences = [_difference_noise(r.voltage_v, r.measured_um) for r in recordings]
     repeats = [_repeat_noise(r) for r in recordings]
@@ -60,69 +64,31 @@ def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
     return float(np.median(np.abs(rough[even])) / 0.6745 / np.sqrt(np.sum(_DIFFERENCE**2)))
 
 
-def find_repeats(voltage_v: Array) -> list[tuple[int, int, int]]:
-    """Return (start, stop, period) in samples of stretches in which the drive repeats itself exactly and moves."""
-    n = voltage_v.size
-    span = float(np.ptp(voltage_v))
-    if n < 64 or span == 0.0:
-        return []
-    change = np.diff(voltage_v)
-    found: list[tuple[int, int, int]] = []
-    n_padded = 1 << int(np.ceil(np.log2(2 * n)))
-    busy = np.sign(change) * np.minimum(np.abs(change), 5.0 * np.median(np.abs(change)) + 1e-12)
-    spectrum = np.fft.rfft(busy - busy.mean(), n_padded)
-    likeness = np.fft.irfft(np.abs(spectrum) ** 2, n_padded)[: n // 2]
-    # a repeated stretch is a sharp local maximum of the autocorrelation
-    lags = np.flatnonzero((likeness[1:-1] > likeness[:-2]) & (likeness[1:-1] >= likeness[2:])) + 1
-    lags = lags[lags > 20]
-    best = lags[np.argsort(likeness[lags])[::-1][:40]]
-    for lag in best:
-        lag = int(lag)
-        same = np.abs(voltage_v[lag:] - voltage_v[:-lag]) <= 1e-7 * span
-        moves = np.abs(np.concatenate((change, [0.0]))[: n - lag]) > 1e-6 * span
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if stop - start >= max(lag, 60) and np.mean(moves[start:stop]) > 0.8:
-                if any(s < stop + lag and start < e + p for s, e, p in found):
-                    continue
-                found.append((int(start), int(stop), lag))
-    return found
-
-
 def _repeat_noise(recording: Recording) -> float:
-    powers, weights = [], []
-    for start, stop, period in find_repeats(recording.voltage_v):
-        x = recording.measured_um
-        # the first period still carries the past of the hysteresis
-        first = start + period if stop - start >= 2 * period else start
-        difference = (x[first + period : stop + period] - x[first:stop]) / np.sqrt(2.0)
-        if difference.size < 60:
-            continue
-        difference = _without_drift(difference)
-        frequency, density = welch(difference, fs=1.0, nperseg=min(256, difference.size))
-        # a line (hum) stands out of its neighbours; the floor is what is left without it
-        smooth = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(density, 8, mode="reflect"), 17), axis=1)
-        powers.append(float(np.trapezoid(np.minimum(density, 4.0 * smooth), frequency)))
-        weights.append(difference.size)
-    return float(np.sqrt(np.average(powers, weights=weights))) if powers else float("nan")
+    stretches = stretches_of_repeats(recording, find_repeats(recording.voltage_v))
+    cleaned = [replace(s, values_um=without_lines(s.values_um)[0]) for s in stretches]
+    if not any(np.any(s.values_um) for s in cleaned):
+        return 0.0 if cleaned else float("nan")
+    spectrum = spectrum_of(cleaned, recording.n_samples)
+    return float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen)))
 
 
-def _without_drift(values: Array) -> Array:
-    t = np.linspace(-1.0, 1.0, values.size)
-    return np.asarray(values - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, values, 3)))
+def autocorrelation_inflation(values: Array) -> float:
+    """Return 1 + 2 sum of the autocorrelation of the values: by how much their mean varies more than if white.
 
-
-def autocorrelation_inflation(values: Array, longest: int = 2000) -> float:
-    """Return 1 + 2 sum of the autocorrelation of the values: by how much their mean varies more than if white."""
+    The sum goes over pairs of lags as long as they stay positive (Geyer, "Practical Markov chain Monte Carlo",
+    Statistical Science 7 (1992)), whatever the number of values.
+    """
     n = values.size
+    if n < _N_CORRELATED_MIN:
+        return 1.0
     centred = values - values.mean()
     n_padded = 1 << int(np.ceil(np.log2(2 * n)))
     spectrum = np.abs(np.fft.rfft(centred, n_padded)) ** 2
-    correlation = np.fft.irfft(spectrum, n_padded)[: min(longest, n // 4) + 1]
+    correlation = np.fft.irfft(spectrum, n_padded)[: n // 2]
     if correlation[0] <= 0.0:
         return 1.0
     rho = correlation / correlation[0]
-    # Geyer: sum pairs while they stay positive
-    pairs = rho[1:-1:2] + rho[2::2] if rho.size > 3 else np.zeros(0)
+    pairs = rho[1:-1:2] + rho[2::2]
     stop = int(np.argmax(pairs <= 0.0)) if np.any(pairs <= 0.0) else pairs.size
-    return float(max(1.0, 1.0 + 2.0 * np.sum(pairs[:stop])))
+    return float(np.clip(1.0 + 2.0 * np.sum(pairs[:stop]), 1.0, n))

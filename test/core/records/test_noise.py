@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
-from fomrc_core.records.noise import autocorrelation_inflation, find_repeats, noise_floor
+from fomrc_core.records.noise import autocorrelation_inflation, noise_floor
 from fomrc_core.records.recording import Recording
+from fomrc_core.records.repeats import find_repeats
 
 RATE_HZ = 1000.0
 
@@ -55,7 +56,7 @@ def test_hum_is_not_noise() -> None:
 
 def test_repeats_are_found_where_they_are() -> None:
     drive = repeated_drive(np.random.default_rng(3))
-    starts = [(start, period) for start, _, period in find_repeats(drive)]
+    starts = [(r.start, r.period_samples) for r in find_repeats(drive)]
     assert any(period == 2000 and abs(start - 500) <= 2 for start, period in starts)
 
 

@@ -1,0 +1,75 @@
+"""The step of a quantised sensor, and what quantisation hides of a noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from fomrc_core.compute.arrays import Array
+
+_N_LOOKED_AT = 1 << 18
+_ROUNDING = 1e-12
+_OFF_LATTICE = 0.1
+_N_LEVELS_MIN = 3
+
+
+def sensor_step_um(displacement_um: Array) -> float:
+    """Return the step all readings are whole multiples of, from some origin [um]; nan where there is none.
+
+    Args:
+        displacement_um: readings [um], shape (n_samples,).
+    """
+    x = np.asarray(displacement_um, dtype=np.float64)
+    levels = np.unique(x[:: -(-x.size // _N_LOOKED_AT)])
+    rounding = _ROUNDING * float(np.max(np.abs(levels), initial=0.0))
+    levels = levels[np.concatenate(([True], np.diff(levels) > rounding))]
+    if levels.size < _N_LEVELS_MIN:
+        return float("nan")
+    above = levels - levels[0]
+    step = float(np.min(np.diff(levels)))
+    # the step is refined over ever wider stretches, each narrow enough to count its steps with what is known so far
+    reach = 8.0 * step
+    while True:
+        inside = above <= reach
+        counts = np.round(above[inside] / step)
+        if np.any(counts > 0.0):
+            step = float(np.dot(counts, above[inside]) / np.dot(counts, counts))
+        if inside.all():
+            break
+        reach *= 8.0
+    off = np.abs(above / step - np.round(above / step))
+    return step if float(np.max(off)) <= _OFF_LATTICE else float("nan")
+
+
+def unquantised_variance_um2(seen_um2: float, step_um: float) -> float:
+    """Return the variance a noise has before a quantiser, from what is seen of it when a signal repeats [um^2].
+
+    Two readings of one signal share its quantisation error as far as their noise does not part them: half the mean
+    square difference of two readings is ``s q / sqrt(pi)`` for noise far below the step and ``s^2 + q^2 / 12`` far
+    above it, the signal evenly spread over the steps (Widrow & Kollar, "Quantization Noise", 2008, ch. 4).
+
+    Args:
+        seen_um2: half the mean square difference of readings of one signal [um^2].
+        step_um: step of the quantiser [um].
+    """
+    if not step_um > 0.0 or seen_um2 <= 0.0:
+        return max(seen_um2, 0.0)
+    seen = seen_um2 / step_um**2
+    if seen > 10.0:
+        return seen_um2 - step_um**2 / 12.0
+    if seen < 1e-4:
+        return float(np.pi * (seen * step_um) ** 2)
+    # a noise of s steps shows at least s^2
+    spread = float(brentq(lambda s: _seen(s) - seen, 1e-6, 1.001 * np.sqrt(seen)))
+    return float((spread * step_um) ** 2)
+
+
+def _seen(spread: float) -> float:
+    """Return half the mean square difference of two readings, in steps, for a noise of this rms in steps."""
+    width = np.sqrt(2.0) * spread
+    size = np.linspace(0.0, 8.0 * width, 4001)
+    whole = np.floor(size)
+    part = size - whole
+    square = whole**2 * (1.0 - part) + (whole + 1.0) ** 2 * part
+    return float(np.trapezoid(square * norm.pdf(size / width) / width, size))
