@@ -29,6 +29,8 @@ class AmplitudeDependentCreep(Effect):
     )
     main_parameter: ClassVar[str] = "per_decade_per_um"
     linear_parameters: ClassVar[tuple[str, ...]] = ("per_decade_per_um",)
+    # drive and elements hide when it begins: left to a fit it goes to any time shorter than a sample
+    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s",)
     meaning: ClassVar[str] = "Strong fields move domains that weak ones leave: large steps creep by more per cent."
     signature: ClassVar[str] = "after large steps the residual creeps on, after small ones it creeps back"
     experiment: ClassVar[str] = "steps of several sizes from the same level, each held for two decades of time"
@@ -37,6 +39,10 @@ class AmplitudeDependentCreep(Effect):
 
     per_decade_per_um: float
     onset_s: float
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether wider motion creeps more: less is a correction of the creep order, and no cause."""
+        return self.per_decade_per_um > 0.0
 
     def initial_state(self) -> Array:
         """Return (input, then each mode) [um^2] of the step before, at rest."""
