@@ -13,18 +13,26 @@ from scipy.signal import lfilter
 from fomrc_core.effects import effect_classes
 from fomrc_core.effects.amplifier_saturation import AmplifierSaturation
 from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
+from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects.backlash import Backlash
 from fomrc_core.effects.clock_skew import ClockSkew
+from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.cross_axis import CrossAxis
+from fomrc_core.effects.cyclic_sensor_error import CyclicSensorError
 from fomrc_core.effects.dead_zone import DeadZone
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.gain_drift import GainDrift
+from fomrc_core.effects.intermittent_contact import IntermittentContact
+from fomrc_core.effects.lost_preload import LostPreload
 from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.effects.missing_hysteresis import MissingHysteresis
+from fomrc_core.effects.rate_dependent_hysteresis import RateDependentHysteresis
 from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, parts_of_steps, subdivide
@@ -86,6 +94,14 @@ def test_a_ringing_mass_follows_a_jump_as_one_worked_fifty_times_finer(jump_v: f
 
 
 _NULLS = {
+    "amplitude_dependent_creep": AmplitudeDependentCreep(0.0, 0.002),
+    "backlash": Backlash(0.0),
+    "intermittent_contact": IntermittentContact(0.5, 0.0, 0.0),
+    "lost_preload": LostPreload(0.4, 0.0),
+    "rate_dependent_hysteresis": RateDependentHysteresis(0.0),
+    "cyclic_sensor_error": CyclicSensorError(0.3, 0.0, 0.0),
+    "zero_order_hold": ZeroOrderHold(0.0),
+    "creep_law": CreepLaw(0.0, 0.003),
     "amplifier_saturation": AmplifierSaturation(),
     "amplifier_slew_limit": AmplifierSlewLimit(1e9),
     "asymmetric_hysteresis": AsymmetricHysteresis(),
@@ -101,7 +117,17 @@ _NULLS = {
     "thermal_drift": ThermalDrift(),
     "transport_delay": TransportDelay(0.0),
 }
-_NOT_REPRESENTABLE = {"amplifier_bandwidth", "dac_quantization", "mechanical_resonance"}
+_NOT_REPRESENTABLE = {
+    "amplifier_bandwidth",
+    "charge_leak",
+    "dac_quantization",
+    "drive_resonance",
+    "mechanical_resonance",
+    "second_mode",
+    "sensor_bandwidth",
+    "unequal_lag",
+    "voltage_dependent_capacitance",
+}
 
 
 def test_every_effect_whose_size_can_be_nothing_is_asked_for_nothing() -> None:
