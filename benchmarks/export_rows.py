@@ -5,47 +5,78 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks import c_reference, exported
-from benchmarks.subjects import STEP_S, drive, table_1
+from benchmarks.subjects import ROOT, STEP_S, drive, table_1
 from benchmarks.timing import Row, interleaved
 from fomrc_core.export import ExportOptions, Precision
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.storage import read_model
 
 BARS = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 1e-5}
 _LONGEST_STEP_NS = 60.0
+_EVERY_EFFECT = ROOT / "benchmarks" / "every_effect.yaml"
 
 
-def largest_error(
-    model: PiezoModel, precision: Precision, way: str, steps_s: np.ndarray, values: np.ndarray, is_fixed: bool
-) -> float:
-    """Return the largest difference between exported C and the Python model, relative to the largest answer."""
-    compiled = exported.Exported(model, _options(precision, float(steps_s[0])), way)
-    given = values.astype(compiled.dtype).astype(np.float64)
-    steps = steps_s if is_fixed else steps_s.astype(compiled.dtype).astype(np.float64)
-    wanted = Compensator(model).run(steps, given) if way == "inverse" else model.simulate(steps, given)
-    answers = compiled.run(None if is_fixed else steps, given)
-    return float(np.max(np.abs(answers - wanted)) / np.max(np.abs(wanted)))
+def errors_of(
+    compiled: exported.Exported, model: PiezoModel, steps_s: np.ndarray | None, values: np.ndarray
+) -> np.ndarray:
+    """Return how far exported C is from the Python model, relative to the largest answer, shape (n_samples,).
+
+    With the fixed step where no steps are given.
+    """
+    given = compiled.rounded(values)
+    steps = np.full(values.size, compiled.options.sample_period_s) if steps_s is None else compiled.rounded(steps_s)
+    beside = {name: compiled.rounded(signal) for name, signal in _signals_beside(steps).items()}
+    run = Compensator(model).run if compiled.way == "inverse" else model.simulate
+    wanted = run(steps, given, **beside)
+    answers = compiled.run(None if steps_s is None else steps, given, **beside)
+    return np.abs(answers - wanted) / np.max(np.abs(wanted))
+
+
+def _signals_beside(steps_s: np.ndarray) -> dict[str, np.ndarray]:
+    """A temperature that sways about 20 degC and a second axis that scans."""
+    t = np.cumsum(steps_s)
+    return {"temperature_c": 20.0 + np.sin(t / 47.0), "cross": np.sin(t / 3.0)}
+
+
+def jumping_drive(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of one length [s], and sweeps with jumps and rests between them [V]: steps are divided, and not."""
+    steps, voltage = drive(n)
+    jumps = np.repeat(np.random.default_rng(3).uniform(-2.0, 2.0, n // 40 + 1), 40)[:n]
+    return steps, np.where(np.arange(n) % 2000 < 1600, voltage, jumps)
 
 
 def agreement(n: int = 1_000_000) -> list[Row]:
     """Exported C against Python, forward and inverse, steps of one length and of any."""
     if not exported.available():
         return []
-    model = table_1()
-    steps, voltage = drive(n)
-    moved = model.simulate(steps, voltage)
-    jittered = STEP_S * np.random.default_rng(0).uniform(0.2, 2.0, n)
+    every = read_model(_EVERY_EFFECT)
+    models = {"paper's model": table_1(), "with every effect": every}
+    models |= {f"with {effect.name}": table_1().with_effects(effect) for effect in every.effects}
+    steps, voltage = jumping_drive(n)
+    desired = table_1().simulate(steps, voltage)
+    jittered = STEP_S * np.random.default_rng(0).uniform(0.5, 2.0, n)
     rows = []
-    for precision, bar in BARS.items():
-        errors = {
-            f"{way}, {kind}": largest_error(model, precision, way, lengths, values, is_fixed=kind == "fixed step")
-            for way, values in (("forward", voltage), ("inverse", moved))
-            for kind, lengths in (("fixed step", steps), ("any step", jittered))
-        }
-        text = "; ".join(f"{what} {error:.1e}" for what, error in errors.items())
-        what = f"exported C, {precision.value}, against Python, paper's model, {n} samples"
-        rows.append(Row(what, text, f"<= {bar:g} relative", max(errors.values()) <= bar))
+    for label, model in models.items():
+        for precision, bar in BARS.items():
+            errors = {}
+            for way, values in (("forward", voltage), ("inverse", desired)):
+                compiled = exported.Exported(model, options(precision), way)
+                errors[f"{way}, fixed step"] = errors_of(compiled, model, None, values)
+                errors[f"{way}, any step"] = errors_of(compiled, model, jittered, values)
+            text = "; ".join(f"{what} {_told(error, bar)}" for what, error in errors.items())
+            what = f"exported C, {precision.value}, against Python, {label}, {n} samples"
+            is_met = max(float(np.max(error)) for error in errors.values()) <= bar
+            rows.append(Row(what, text, f"<= {bar:g} relative", is_met))
     return rows
+
+
+def _told(error: np.ndarray, bar: float) -> str:
+    n_beyond = int(np.count_nonzero(error > bar))
+    # An inverse that jumps (across a dead zone) jumps a sample earlier or later where the precision is less.
+    return f"{np.max(error):.1e}" + (
+        f" ({n_beyond} samples beyond, the others {np.sort(error)[-n_beyond - 1]:.1e})" if n_beyond else ""
+    )
 
 
 def fixed_step(n: int = 200_000) -> list[Row]:
@@ -59,7 +90,7 @@ def fixed_step(n: int = 200_000) -> list[Row]:
     for way, values in (("forward", voltage), ("inverse", moved)):
         works, keep = {}, []
         for precision in Precision:
-            compiled = exported.Exported(model, _options(precision, STEP_S), way)
+            compiled = exported.Exported(model, options(precision), way)
             given, out = values.astype(compiled.dtype), np.empty(n, dtype=compiled.dtype)
             keep.append((compiled, given, out))
             works[precision.value] = lambda c=compiled, g=given, o=out: c.run_into(g, o)
@@ -81,5 +112,6 @@ def fixed_step(n: int = 200_000) -> list[Row]:
     return rows
 
 
-def _options(precision: Precision, sample_period_s: float) -> ExportOptions:
-    return ExportOptions("exported", precision=precision, sample_period_s=sample_period_s)
+def options(precision: Precision) -> ExportOptions:
+    """Return how models are exported here."""
+    return ExportOptions("exported", precision=precision, sample_period_s=STEP_S, is_dropping=True)

@@ -29,6 +29,16 @@ void run_any(size_t n, const NAME_real *in, const NAME_real *step_s, NAME_real *
     for (size_t k = 0; k < n; k++) out[k] = NAME_WAY_step(&state, in[k], step_s[k]);
 }
 """
+_COVARIATES = """
+void run_beside(size_t n, const NAME_real *in, const NAME_real *step_s, NAME_real *out
+    PARAMETERS)
+{
+    for (size_t k = 0; k < n; k++) {
+SETTINGS
+        out[k] = step_s ? NAME_WAY_step(&state, in[k], step_s[k]) : NAME_WAY_step_fixed(&state, in[k]);
+    }
+}
+"""
 _LIMITED = """
 void run_limited(size_t n, const NAME_real *in, NAME_real *out)
 {
@@ -57,23 +67,39 @@ class Exported:
         flags: tuple[str, ...] = FLAGS,
     ) -> None:
         self.options = options
+        self.way = way
         self.dtype = np.float32 if options.precision is Precision.FLOAT else np.float64
         with tempfile.TemporaryDirectory() as temporary:
             folder = Path(temporary)
             export_model(model, folder, options)
             text = _DRIVER + (_LIMITED if way == "inverse" else "")
+            header = (folder / f"{options.name}.h").read_text()
+            self._covariates = [name for name in ("temperature_c", "cross") if f"{way}_set_{name}(" in header]
+            if self._covariates:
+                told = "".join(f", const NAME_real *{name}" for name in self._covariates)
+                settings = "\n".join(f"        NAME_WAY_set_{c}(&state, {c}[k]);" for c in self._covariates)
+                text += _COVARIATES.replace("PARAMETERS", told).replace("SETTINGS", settings)
             (folder / "driver.c").write_text(text.replace("NAME", options.name).replace("WAY", way))
             library = folder / "model.so"
             sources = [str(folder / f"{options.name}.c"), str(folder / "driver.c")]
             subprocess.run([compiler, *flags, "-shared", "-fPIC", *sources, "-lm", "-o", str(library)], check=True)
             self._library = ctypes.CDLL(str(library))
 
-    def run(self, steps_s: np.ndarray | None, values: np.ndarray) -> np.ndarray:
+    def rounded(self, values: np.ndarray) -> np.ndarray:
+        """Return what is left of numbers in the export's precision."""
+        return values.astype(self.dtype).astype(np.float64)
+
+    def run(self, steps_s: np.ndarray | None, values: np.ndarray, **covariates: np.ndarray) -> np.ndarray:
         """Return the answers from the relaxed state on; with the fixed step where no steps are given."""
         self._library.reset()
         given = np.ascontiguousarray(values, dtype=self.dtype)
         out = np.empty(given.size, dtype=self.dtype)
-        if steps_s is None:
+        if self._covariates:
+            steps = None if steps_s is None else np.ascontiguousarray(steps_s, dtype=self.dtype)
+            beside = [np.ascontiguousarray(covariates[name], dtype=self.dtype) for name in self._covariates]
+            at_steps = ctypes.c_void_p(None) if steps is None else _at(steps)
+            self._library.run_beside(ctypes.c_size_t(given.size), _at(given), at_steps, _at(out), *map(_at, beside))
+        elif steps_s is None:
             self.run_into(given, out)
         else:
             steps = np.ascontiguousarray(steps_s, dtype=self.dtype)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,6 +11,24 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import run_lag
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
+
+
+def _prepare(k: Fields, c: Fields, step_s: float) -> None:
+    k.gone = -math.expm1(-step_s / c.time_constant_s)
+    k.ramp = lag_ramp(step_s / c.time_constant_s)
+
+
+def _follow(s: Fields, k: Fields, value: float) -> Number:
+    s.output = s.output + (k.ramp * value + (k.gone - k.ramp) * s.before - k.gone * s.output)
+    s.before = value
+    return s.output
+
+
+def _lead(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    led = value + c.time_constant_s * (value - s.before) / step_s
+    s.before = value
+    return led
 
 
 @dataclass(frozen=True)
@@ -59,6 +78,21 @@ class AmplifierBandwidth(Effect):
         before = np.concatenate((state[:1], values[:-1]))
         state[0] = state[1] = values[-1]
         return values + self.time_constant_s * (values - before) / steps_s
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("time_constant_s", float(self.time_constant_s)),),
+            state=(
+                StateField("output", kind=FieldKind.WIDE, comment="of the step before [V]"),
+                StateField("before", comment="its input [V]"),
+            ),
+            coefficients=("gone", "ramp"),
+            prepare=_prepare,
+            forward=_follow,
+            inverse=_lead,
+            helpers=(lag_ramp,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[AmplifierBandwidth]:

@@ -9,9 +9,14 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 from fomrc_core.errors import ParameterError
 
 _NO_LIMIT_V = 1e6  # beyond any amplifier: a side that does not act
+
+
+def _clamp(c: Fields, value: float) -> Number:
+    return min(max(value, c.low_v), c.high_v)
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,10 @@ class AmplifierSaturation(Effect):
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: what shows is the way beyond a limit, not the limit."""
         return {}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(constants=(("low_v", self.low_v), ("high_v", self.high_v)), forward=_clamp)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[AmplifierSaturation]:

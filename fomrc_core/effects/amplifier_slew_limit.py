@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 _NEARLY = 0.9  # of the fastest rate: a limit that acts at all
 _LEAST_SHARE = 0.02  # of the fastest rate: a drive of triangles alone is to be limited, too
@@ -42,6 +43,29 @@ def _run_slew(state: Array, slew_v_per_s: float, values: Array, steps_s: Array, 
     state[0], state[1] = output, before
 
 
+def _slew(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The loop of _run_slew, once.
+    slope = (value - s.before) / step_s
+    gap = s.before - s.output
+    left = step_s
+    if gap != 0.0:
+        heading = c.slew_v_per_s if gap > 0.0 else -c.slew_v_per_s
+        closing = heading - slope
+        left = 0.0
+        if closing * gap > 0.0 and gap / closing < step_s:
+            left = step_s - gap / closing
+            s.output = s.before + slope * (step_s - left)
+        else:
+            s.output = s.output + heading * step_s
+    if left > 0.0:
+        if abs(slope) <= c.slew_v_per_s:
+            s.output = value
+        else:
+            s.output = s.output + (c.slew_v_per_s if slope > 0.0 else -c.slew_v_per_s) * left
+    s.before = value
+    return s.output
+
+
 @dataclass(frozen=True)
 class AmplifierSlewLimit(Effect):
     """Rate limit on the drive."""
@@ -71,6 +95,17 @@ class AmplifierSlewLimit(Effect):
         out = np.empty(values.size)
         _run_slew(state, self.slew_v_per_s, values, steps_s, out)
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("slew_v_per_s", self.slew_v_per_s),),
+            state=(
+                StateField("output", kind=FieldKind.WIDE, comment="of the step before [V]"),
+                StateField("before", comment="its input [V]"),
+            ),
+            forward=_slew,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[AmplifierSlewLimit]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -10,6 +11,7 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import knee_block, run_knees
+from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 from fomrc_core.errors import ParameterError
 from fomrc_core.records.drive import MANY_LOOPS
 
@@ -18,6 +20,40 @@ _THRESHOLD_SHARES = (0.0, 0.03, 0.1, 0.25, 0.45)
 _KNEE_SHARES = (0.15, 0.38, 0.62, 0.85)
 _FINE_THRESHOLD_SHARES = (0.0, 0.015, 0.04, 0.08, 0.15, 0.25, 0.37, 0.5)
 _FINE_KNEE_SHARES = (0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92)
+
+
+def _move(s: Fields, c: Fields, value: float) -> Number:
+    total = 0.0
+    for j in range(len(c.thresholds_v)):
+        s.plays[j] = min(max(s.plays[j], value - c.thresholds_v[j]), value + c.thresholds_v[j])
+        total = total + c.weights_um_per_v[j] * (max(s.plays[j], c.knees_v[j]) - max(0.0, c.knees_v[j]))
+    return total
+
+
+def _peek(s: Fields, c: Fields, value: float) -> Number:
+    total = 0.0
+    for j in range(len(c.thresholds_v)):
+        play = min(max(s.plays[j], value - c.thresholds_v[j]), value + c.thresholds_v[j])
+        total = total + c.weights_um_per_v[j] * (max(play, c.knees_v[j]) - max(0.0, c.knees_v[j]))
+    return total
+
+
+def _warp(c: Fields, value: float) -> Number:
+    return value * (1.0 + value * (c.warp_per_v + c.warp_per_v2 * value))
+
+
+def _unwarp(c: Fields, value: float) -> Number:
+    # Newton's method, as in ``unwarp``; not a number where the warp turns back.
+    drive = value
+    for _ in range(60):
+        slope = 1.0 + drive * (2.0 * c.warp_per_v + 3.0 * c.warp_per_v2 * drive)
+        if slope <= 0.0:
+            return math.nan
+        step = (drive * (1.0 + drive * (c.warp_per_v + c.warp_per_v2 * drive)) - value) / slope
+        drive = drive - step
+        if abs(step) <= 1e-15 * (1.0 + abs(drive)):
+            break
+    return drive
 
 
 @dataclass(frozen=True)
@@ -124,6 +160,29 @@ class AsymmetricHysteresis(Effect):
         out = np.empty(values.size)
         run_knees(state, values, out)
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        is_warped = self.warp_per_v != 0.0 or self.warp_per_v2 != 0.0
+        form = StepForm(
+            constants=(("warp_per_v", self.warp_per_v), ("warp_per_v2", self.warp_per_v2)),
+            warp=_warp if is_warped else None,
+            unwarp=_unwarp if is_warped else None,
+        )
+        if not self.thresholds_v:
+            return form
+        plays = (
+            ("thresholds_v", self.thresholds_v),
+            ("knees_v", self.knees_v),
+            ("weights_um_per_v", self.weights_um_per_v),
+        )
+        return replace(
+            form,
+            constants=(*form.constants, *plays),
+            state=(StateField("plays", (0.0,) * len(self.thresholds_v), is_array=True, comment="[V]"),),
+            forward=_move,
+            beside=_peek,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[AsymmetricHysteresis]:

@@ -10,6 +10,38 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
+
+
+def _read_skewed(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # As ``run`` for one sample: beyond the newest one the last slope goes on, before the oldest one that stays.
+    if s.stored > 0:
+        s.elapsed = s.elapsed + step_s
+    s.newest = (s.newest + 1) % len(s.times)
+    s.times[s.newest] = s.elapsed
+    s.values[s.newest] = value
+    if s.stored < len(s.times):
+        s.stored = s.stored + 1
+    if s.behind < s.stored:
+        s.behind = s.behind + 1
+    wanted = s.elapsed * c.rate
+    later = s.newest
+    for _ in range(len(s.times)):
+        later = (s.newest + len(s.times) + 1 - s.behind) % len(s.times)
+        if s.behind == 0 or s.times[later] > wanted:
+            break
+        s.behind = s.behind - 1
+    if s.behind == 0:
+        later = s.newest
+    if s.stored < 2 or s.behind == s.stored:
+        return s.values[later]
+    earlier = (later + len(s.times) - 1) % len(s.times)
+    if s.times[later] <= s.times[earlier]:
+        return s.values[later]
+    slope = (s.values[later] - s.values[earlier]) / (s.times[later] - s.times[earlier])
+    if s.behind == 0:
+        return value + slope * (wanted - s.elapsed)
+    return s.values[earlier] + slope * (wanted - s.times[earlier])
 
 
 @dataclass(frozen=True)
@@ -61,6 +93,12 @@ class ClockSkew(Effect):
         state[0], state[1] = kept, start[-1]
         state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept] = times[-kept:], drive[-kept:]
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("rate", 1.0 + 1e-6 * self.ppm),), state=delay_line(DELAY_CAPACITY), forward=_read_skewed
+        )
 
     @classmethod
     def acts_before_record(cls) -> bool:

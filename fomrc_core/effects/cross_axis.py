@@ -10,6 +10,15 @@ import numpy as np
 from fomrc_core.effects.base.covariates import Covariate
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _add(c: Fields, value: float, covariate: float, is_known: int) -> Number:
+    return value + c.gain * covariate if is_known else value
+
+
+def _take(c: Fields, value: float, covariate: float, is_known: int) -> Number:
+    return value - c.gain * covariate if is_known else value
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,10 @@ class CrossAxis(Effect):
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement [um] without the share of the second axis."""
         return values if covariate is None else values - self.gain * covariate
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(constants=(("gain", self.gain),), forward=_add, inverse=_take)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CrossAxis]:

@@ -9,6 +9,11 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _round(c: Fields, value: float) -> Number:
+    return round(value / c.step_v) * c.step_v
 
 _FEWEST_STEPS = 20  # over the range: of fewer each is seen in the displacement itself
 _HALF_WIDTH = 25  # samples of the narrowest running mean: passes steps of fewer samples than that, of any size
@@ -51,6 +56,10 @@ class DacQuantization(Effect):
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a trial's step is a line of the residual, of which a smaller one says nothing."""
         return {}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(constants=(("step_v", self.step_v),), forward=_round)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DacQuantization]:

@@ -9,6 +9,19 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _pass(c: Fields, value: float) -> Number:
+    return value - min(max(value, -c.half_width_v), c.half_width_v)
+
+
+def _jump(c: Fields, value: float) -> Number:
+    if value > 0.0:
+        return value + c.half_width_v
+    if value < 0.0:
+        return value - c.half_width_v
+    return value
 
 
 @dataclass(frozen=True)
@@ -43,6 +56,10 @@ class DeadZone(Effect):
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the drive [V] that passes the wanted voltage."""
         return values + np.sign(values) * self.half_width_v
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(constants=(("half_width_v", self.half_width_v),), forward=_pass, inverse=_jump)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DeadZone]:

@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
+from fomrc_core.effects.base.step_form import CLOCK_FIELDS, Fields, Number, StepForm, clock_after
 
 _NEVER_S = 1e9  # beyond any record: a load that stays
 _SURE = 5.0  # standard errors of a level beside an edge
@@ -19,6 +20,14 @@ _FIRST_MOVE = 0.1  # of the range of the drive
 _RISE, _BESIDE, _SHORTEST = 1.0 / 2500.0, 1.0 / 300.0, 1.0 / 75.0
 _RISE_SAMPLES, _BESIDE_SAMPLES, _SHORTEST_SAMPLES = 3, 25, 50
 _LEAST_LEVEL_SAMPLES = 10  # a straight line and its error from fewer say nothing
+
+
+def _load(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    s.elapsed = clock_after(s.elapsed, s.started, step_s)
+    s.started = 1
+    if c.onset_s <= s.elapsed and s.elapsed < c.release_s:
+        return value + c.displacement_um
+    return value
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,19 @@ class ExternalLoad(Effect):
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether it comes within the record: what begins with it cannot be told from where it stands."""
         return self.onset_s > max(_BESIDE * duration_s, _BESIDE_SAMPLES * step_s)
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(
+                ("displacement_um", self.displacement_um),
+                ("onset_s", self.onset_s),
+                ("release_s", self.release_s),
+            ),
+            state=CLOCK_FIELDS,
+            forward=_load,
+            helpers=(clock_after,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[ExternalLoad]:

@@ -10,6 +10,13 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
+from fomrc_core.effects.base.step_form import CLOCK_FIELDS, Fields, Number, StepForm, clock_after
+
+
+def _drift(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    s.elapsed = clock_after(s.elapsed, s.started, step_s)
+    s.started = 1
+    return value * (1.0 + c.per_s * s.elapsed)
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,10 @@ class GainDrift(Effect):
         t = np.empty(steps_s.size)
         elapsed_times(self.initial_state(), steps_s, t)
         return changes * (1.0 + self.per_s * t)[:, None]
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(constants=(("per_s", self.per_s),), state=CLOCK_FIELDS, forward=_drift, helpers=(clock_after,))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[GainDrift]:

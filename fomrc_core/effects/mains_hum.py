@@ -13,6 +13,7 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.kernels import elapsed_times
 from fomrc_core.effects.base.spectra import Spectrum, drive_lines
+from fomrc_core.effects.base.step_form import CLOCK_FIELDS, Fields, Number, StepForm, clock_after
 
 _AMPLITUDES = ("amplitude_um", "second_amplitude_um", "third_amplitude_um")
 _PHASES = ("phase_rad", "second_phase_rad", "third_phase_rad")
@@ -22,6 +23,15 @@ _N_TRIALS = 2
 # A play bends the response at corners, so that harmonics of the drive fall with their number squared; farther out
 # they are below a four-hundredth of the first, and no line.
 _N_DRIVE_HARMONICS = 20
+
+
+def _hum(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    s.elapsed = clock_after(s.elapsed, s.started, step_s)
+    s.started = 1
+    total = value
+    for j in range(len(c.amplitudes_um)):
+        total = total + c.amplitudes_um[j] * math.sin(c.omegas[j] * s.elapsed + c.phases_rad[j])
+    return total
 
 
 @dataclass(frozen=True)
@@ -97,6 +107,20 @@ class MainsHum(Effect):
         """Return whether the tone is apart from every line of the record's drive and its harmonics."""
         step_s = float(np.median(np.diff(time_s)))
         return not _belongs_to_drive(self.frequency_hz, [drive_lines(voltage_v, step_s)])
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        omegas = tuple(2.0 * math.pi * harmonic * self.frequency_hz for harmonic in range(1, len(_AMPLITUDES) + 1))
+        return StepForm(
+            constants=(
+                ("amplitudes_um", tuple(getattr(self, name) for name in _AMPLITUDES)),
+                ("phases_rad", tuple(getattr(self, name) for name in _PHASES)),
+                ("omegas", omegas),
+            ),
+            state=CLOCK_FIELDS,
+            forward=_hum,
+            helpers=(clock_after,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[MainsHum]:

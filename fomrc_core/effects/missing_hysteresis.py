@@ -9,7 +9,24 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.kernels import knee_block, run_knees
+from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 from fomrc_core.errors import ParameterError
+
+
+def _move(s: Fields, c: Fields, value: float) -> Number:
+    total = 0.0
+    for j in range(len(c.thresholds_v)):
+        s.plays[j] = min(max(s.plays[j], value - c.thresholds_v[j]), value + c.thresholds_v[j])
+        total = total + c.weights_um_per_v[j] * s.plays[j]
+    return total
+
+
+def _peek(s: Fields, c: Fields, value: float) -> Number:
+    total = 0.0
+    for j in range(len(c.thresholds_v)):
+        play = min(max(s.plays[j], value - c.thresholds_v[j]), value + c.thresholds_v[j])
+        total = total + c.weights_um_per_v[j] * play
+    return total
 
 
 @dataclass(frozen=True)
@@ -57,3 +74,14 @@ class MissingHysteresis(Effect):
         out = np.empty(values.size)
         run_knees(state, values, out)
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        if not self.thresholds_v:
+            return StepForm()
+        return StepForm(
+            constants=(("thresholds_v", self.thresholds_v), ("weights_um_per_v", self.weights_um_per_v)),
+            state=(StateField("plays", (0.0,) * len(self.thresholds_v), is_array=True, comment="[V]"),),
+            forward=_move,
+            beside=_peek,
+        )

@@ -9,6 +9,11 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _read(c: Fields, value: float) -> Number:
+    return value + value * value * (c.quadratic_per_um + c.cubic_per_um2 * value)
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,11 @@ class SensorNonlinearity(Effect):
     def scale_of(self, name: str, value: float) -> float:
         """Return a unit for an error that stands at zero."""
         return abs(value) if value != 0.0 else 1e-3
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        constants = (("quadratic_per_um", self.quadratic_per_um), ("cubic_per_um2", self.cubic_per_um2))
+        return StepForm(constants=constants, forward=_read)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SensorNonlinearity]:

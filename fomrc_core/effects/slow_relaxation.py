@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,25 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights, run_lag
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
+
+
+def _prepare(k: Fields, c: Fields, step_s: float) -> None:
+    k.gone = -math.expm1(-step_s / c.time_constant_s)
+    k.ramp = lag_ramp(step_s / c.time_constant_s)
+
+
+def _relax(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    s.late = s.late + (k.ramp * value + (k.gone - k.ramp) * s.before - k.gone * s.late)
+    s.before = value
+    return value + c.amplitude * s.late
+
+
+def _relaxed(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    known = s.late + ((k.gone - k.ramp) * s.before - k.gone * s.late)
+    s.before = (value - c.amplitude * known) / (1.0 + c.amplitude * k.ramp)
+    s.late = known + k.ramp * s.before
+    return s.before
 
 _SHORTEST_SAMPLES = 5.0  # a bend of fewer samples is no bend
 _LONGEST = 0.7  # of the record
@@ -61,6 +81,21 @@ class SlowRelaxation(Effect):
         """
         is_seen = _SHORTEST_SAMPLES * step_s <= self.time_constant_s <= _LONGEST * duration_s
         return self.amplitude > 0.0 and is_seen
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("amplitude", self.amplitude), ("time_constant_s", self.time_constant_s)),
+            state=(
+                StateField("late", kind=FieldKind.WIDE, comment="what has arrived late by the step before [um]"),
+                StateField("before", comment="displacement of the step before [um]"),
+            ),
+            coefficients=("gone", "ramp"),
+            prepare=_prepare,
+            forward=_relax,
+            inverse=_relaxed,
+            helpers=(lag_ramp,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SlowRelaxation]:

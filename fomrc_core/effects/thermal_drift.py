@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,9 +12,34 @@ from fomrc_core.effects.base.covariates import Covariate
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
+from fomrc_core.effects.base.step_form import CLOCK_FIELDS, FieldKind, Fields, Number, StateField, StepForm, clock_after
 
 _TRIAL_SHARE = 1e-3  # of the stroke: small enough that what a trial changes is in proportion to it
 _QUICKEST_WARM_UP = 0.08  # of the longest record
+
+
+def _drifted(s: Fields, c: Fields, value: float, step_s: float, covariate: float, is_known: int) -> Number:
+    s.elapsed = clock_after(s.elapsed, s.started, step_s)
+    s.started = 1
+    t = s.elapsed
+    drift = t * (c.um_per_s + t * (c.um_per_s2 + t * c.um_per_s3))
+    if c.warm_up_um != 0.0:
+        drift = drift + c.warm_up_um * (1.0 - math.exp(-t / c.warm_up_s))
+    if is_known and c.um_per_c != 0.0:
+        if s.has_reference == 0:
+            s.reference_c = covariate
+            s.has_reference = 1
+        drift = drift + c.um_per_c * (covariate - s.reference_c)
+    return value + drift
+
+
+def _without_temperature(s: Fields, c: Fields, value: float, covariate: float, is_known: int) -> Number:
+    if not is_known or c.um_per_c == 0.0:
+        return value
+    if s.has_reference == 0:
+        s.reference_c = covariate
+        s.has_reference = 1
+    return value - c.um_per_c * (covariate - s.reference_c)
 
 
 @dataclass(frozen=True)
@@ -93,6 +119,20 @@ class ThermalDrift(Effect):
     def scale_of(self, name: str, value: float) -> float:
         """Return a unit for a term that stands at zero."""
         return abs(value) if value != 0.0 else 1e-6
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=tuple((spec.name, getattr(self, spec.name)) for spec in self.parameters),
+            state=(
+                *CLOCK_FIELDS,
+                StateField("reference_c", comment="first temperature known [degC]"),
+                StateField("has_reference", kind=FieldKind.COUNT, comment="whether there has been one"),
+            ),
+            forward=_drifted,
+            inverse=_without_temperature,
+            helpers=(clock_after,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[ThermalDrift]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,11 +11,49 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_delay
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
 from fomrc_core.errors import ParameterError
 
 # A delay reads between the parts of a step, as on a straight line: of a mass that rings at a third of the sample rate a
 # fifth of a sample is 2 % off, a twentieth 0.1 %.
 _N_PARTS_RINGING = 20
+_ROOM = 24  # samples beside those of the delay: the parts of one step, and one on either side
+
+
+def _delay(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The loop of run_delay, once; ``behind`` samples are younger than what is read.
+    s.elapsed = s.elapsed + step_s
+    s.newest = (s.newest + 1) % len(s.times)
+    s.times[s.newest] = s.elapsed
+    s.values[s.newest] = value
+    if s.stored < len(s.times):
+        s.stored = s.stored + 1
+    if s.behind < s.stored:
+        s.behind = s.behind + 1
+    wanted = s.elapsed - c.delay_s
+    later = s.newest
+    for _ in range(len(s.times)):
+        later = (s.newest + len(s.times) + 1 - s.behind) % len(s.times)
+        if s.behind == 0 or s.times[later] > wanted:
+            break
+        s.behind = s.behind - 1
+    if s.behind == 0:
+        return value
+    if wanted <= 0.0:
+        return 0.0
+    if s.behind == len(s.times):
+        # what is to be read has been overwritten, until longer steps have come
+        return math.nan
+    earlier_time = 0.0
+    earlier_value = 0.0
+    if s.behind < s.stored:
+        earlier = (later + len(s.times) - 1) % len(s.times)
+        earlier_time = s.times[earlier]
+        earlier_value = s.values[earlier]
+    if s.times[later] <= earlier_time:
+        return s.values[later]
+    share = (wanted - earlier_time) / (s.times[later] - earlier_time)
+    return earlier_value + share * (s.values[later] - earlier_value)
 
 
 @dataclass(frozen=True)
@@ -61,6 +100,11 @@ class TransportDelay(Effect):
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something rings before it, whose swings it reads between the parts."""
         return _N_PARTS_RINGING if self.delay_s > 0.0 and any(effect.rings for effect in effects) else 1
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        n_parts = min(math.ceil(self.delay_s / shortest_part_s) + _ROOM, DELAY_CAPACITY)
+        return StepForm(constants=(("delay_s", self.delay_s),), state=delay_line(n_parts), forward=_delay)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[TransportDelay]:

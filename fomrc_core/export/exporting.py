@@ -10,10 +10,12 @@ from fomrc_core.errors import StorageError
 from fomrc_core.export import c_files
 from fomrc_core.export.golden import GoldenData, golden_data
 from fomrc_core.export.options import ExportOptions, Language
+from fomrc_core.export.parts import LeftOut
 from fomrc_core.export.plan import ExportPlan, make_plan
 from fomrc_core.export.python_file import python_file
 from fomrc_core.export.readme import readme
 from fomrc_core.export.self_test_files import golden_header, self_test_source
+from fomrc_core.export.start import with_start
 from fomrc_core.export.template import read_template, render
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage import make_directory, write_text
@@ -26,14 +28,14 @@ class Export:
     Attributes:
         files: the files, in the order they were written.
         checksum: of the model, SHA-256 in hexadecimal digits.
-        dropped: name of each effect left out, with the reason.
+        left_out: causes that are not exported, or not inverted.
         n_forward_bytes: size of a forward state in memory [bytes], 0 where there is none.
         n_inverse_bytes: size of an inverse state in memory [bytes], 0 where there is none.
     """
 
     files: tuple[Path, ...]
     checksum: str
-    dropped: tuple[tuple[str, str], ...]
+    left_out: tuple[LeftOut, ...]
     n_forward_bytes: int
     n_inverse_bytes: int
 
@@ -41,7 +43,7 @@ class Export:
         lines = [f"model {self.checksum[:16]}: {', '.join(path.name for path in self.files)}"]
         sizes = (("forward", self.n_forward_bytes), ("inverse", self.n_inverse_bytes))
         lines += [f"{direction} state of {size} bytes" for direction, size in sizes if size]
-        return "\n".join(lines + [f"left out: {name}: {reason}" for name, reason in self.dropped])
+        return "\n".join(lines + [f"left out: {cause}" for cause in self.left_out])
 
 
 def export_model(model: PiezoModel, folder: str | os.PathLike[str], options: ExportOptions) -> Export:
@@ -59,7 +61,7 @@ def export_model(model: PiezoModel, folder: str | os.PathLike[str], options: Exp
         ParameterError: an effect that cannot be exported.
         StorageError: a folder that holds other files, or cannot be written to.
     """
-    plan = make_plan(model, options)
+    plan = with_start(make_plan(model, options))
     texts = _c_texts(plan) if options.language is Language.C else _python_texts(plan)
     path = Path(folder)
     _check_folder(path, set(texts))
@@ -69,7 +71,7 @@ def export_model(model: PiezoModel, folder: str | os.PathLike[str], options: Exp
     return Export(
         files=tuple(path / file_name for file_name in texts),
         checksum=plan.checksum,
-        dropped=plan.dropped,
+        left_out=plan.left_out,
         n_forward_bytes=c_files.n_state_bytes(plan, False) if options.is_forward else 0,
         n_inverse_bytes=c_files.n_state_bytes(plan, True) if options.is_inverse else 0,
     )

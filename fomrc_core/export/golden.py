@@ -8,8 +8,10 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.export.c_numbers import rounded_to
+from fomrc_core.export.options import Precision
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.piezo_model import PiezoModel
 
 N_FIXED = 240
 _N_ANY = 120
@@ -27,12 +29,14 @@ class GoldenData:
         steps_s: step that leads to each sample [s]; the first ``n_fixed`` are the sample time.
         inputs: voltage [V] forward, desired displacement [um] inverse.
         outputs: what the Python model answers, [um] or [V].
+        covariates: the signals its effects read, by name.
         n_fixed: number of samples with the sample time as step.
     """
 
     steps_s: Array
     inputs: Array
     outputs: Array
+    covariates: dict[str, Array]
     n_fixed: int
 
 
@@ -60,8 +64,31 @@ def golden_data(plan: ExportPlan, is_inverse: bool) -> GoldenData:
     inputs = np.array([rounded_to(span * share, options.precision) for share in shares])
     # The sample time itself is exact in the fixed step; any other comes as a number of this precision.
     steps_s = np.array(steps[:N_FIXED] + [rounded_to(step, options.precision) for step in steps[N_FIXED:]])
-    run = Compensator(plan.model).run if is_inverse else plan.model.simulate
-    return GoldenData(steps_s, inputs, run(steps_s, inputs), N_FIXED)
+    covariates = {name: _covariate(name, inputs.size, options.precision) for name in _covariates(plan, is_inverse)}
+    runner = Compensator(plan.model) if is_inverse else plan.model
+    return GoldenData(steps_s, inputs, _answers(runner, steps_s, inputs, covariates), covariates, N_FIXED)
+
+
+def _answers(runner: PiezoModel | Compensator, steps_s: Array, inputs: Array, covariates: dict[str, Array]) -> Array:
+    # One by one, as a controller steps: a batch may look ahead (a sensor whose clock runs late).
+    state = runner.initial_state()
+    rows = zip(steps_s.tolist(), inputs.tolist(), strict=True)
+    return np.array(
+        [
+            runner.advance(state, value, step_s, **{name: float(signal[k]) for name, signal in covariates.items()})
+            for k, (step_s, value) in enumerate(rows)
+        ]
+    )
+
+
+def _covariates(plan: ExportPlan, is_inverse: bool) -> list[str]:
+    return sorted({part.covariate for part in plan.parts_of(is_inverse) if part.covariate})
+
+
+def _covariate(name: str, n_samples: int, precision: Precision) -> Array:
+    # Any signal will do: a level that is none of zero, with a sawtooth on it, another for each name.
+    period = 31 + 2 * len(name)
+    return np.array([rounded_to(20.0 + 0.125 * (k % period), precision) for k in range(n_samples)])
 
 
 class _Random:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.effects import Stage
 from fomrc_core.effects.base.step_form import StateField
-from fomrc_core.errors import ParameterError
 from fomrc_core.export.options import ExportOptions, Precision
+from fomrc_core.export.parts import EffectPart, LeftOut, PartsOfSteps, covariate_fields, effect_parts
 from fomrc_core.identification.element_count import merged
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import INVERSE_GAMMA, creep_block
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 
@@ -31,7 +35,10 @@ class ExportPlan:
         options: how it is exported.
         model: what is exported, after joining elements and leaving out effects.
         checksum: SHA-256 of the model as asked for, in hexadecimal digits.
-        dropped: name of each effect left out, with the reason.
+        parts: the effects, in the order of the chain.
+        left_out: causes that are not exported, or not inverted.
+        steps: into how many parts a forward step is divided.
+        forward_start: where the forward direction starts, by (effect, field), where it does not start relaxed.
         play_form: voltage to displacement, of even length.
         stop_form: displacement to voltage, of even length.
         rates_per_s: rates of the creep modes, of even length.
@@ -43,13 +50,16 @@ class ExportPlan:
     options: ExportOptions
     model: PiezoModel
     checksum: str
-    dropped: tuple[tuple[str, str], ...]
+    parts: tuple[EffectPart, ...]
+    left_out: tuple[LeftOut, ...]
+    steps: PartsOfSteps
     play_form: OperatorSum
     stop_form: OperatorSum
     rates_per_s: Array
     weights: Array
     feedthrough: float
     inverse_gamma: float
+    forward_start: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def n_plays(self) -> int:
@@ -61,11 +71,39 @@ class ExportPlan:
         """Number of creep modes, those that stand for nothing among them."""
         return int(self.rates_per_s.size)
 
-    def state_fields(self, is_inverse: bool) -> tuple[StateField, ...]:
-        """Return what a direction remembers between two steps."""
+    @property
+    def largest_v(self) -> float:
+        """Largest threshold [V], of which the division of steps is told; infinite where there are no elements."""
+        thresholds = self.model.play_form.thresholds
+        return float(thresholds[-1]) if thresholds.size else math.inf
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether the inverse undoes effects beside the elements: then it searches for the voltage."""
+        return any(part.stage is Stage.HYSTERESIS and part.is_inverted for part in self.parts)
+
+    @property
+    def is_searching_limits(self) -> bool:
+        """Whether a limited inverse searches for the displacement: it does where there are effects to undo."""
+        return any(part.is_inverted for part in self.parts)
+
+    def parts_of(self, is_inverse: bool) -> tuple[EffectPart, ...]:
+        """Return the effects of a direction."""
+        return tuple(part for part in self.parts if part.is_inverted or not is_inverse)
+
+    def state_fields(self, is_inverse: bool) -> tuple[tuple[str, StateField], ...]:
+        """Return every field of a state in the order in which it is saved, with the effect it belongs to, or ""."""
+        fields = [("", own) for own in self.core_fields(is_inverse)]
+        fields += [(part.name, own) for part in self.parts_of(is_inverse) for own in part.form.state]
+        start = {} if is_inverse else self.forward_start
+        return tuple((owner, replace(own, initial=start.get((owner, own.name), own.initial))) for owner, own in fields)
+
+    def core_fields(self, is_inverse: bool) -> tuple[StateField, ...]:
+        """Return what a direction remembers between two steps, that of its effects aside."""
         modes = (0.0,) * self.n_modes
+        plays_unit = "[um]" if is_inverse and not self.is_beside else "[V]"
         fields = [
-            StateField("plays", (0.0,) * self.n_plays, is_array=True, comment="[um]" if is_inverse else "[V]"),
+            StateField("plays", (0.0,) * self.n_plays, is_array=True, comment=plays_unit),
             StateField("modes", modes, is_array=True, comment="of creep"),
         ]
         if self.options.precision is Precision.FLOAT:
@@ -74,7 +112,14 @@ class ExportPlan:
             StateField("previous", comment="input of creep at the last step [um]"),
             StateField("voltage_v", comment="voltage at the last step [V]"),
         ]
-        return tuple(fields)
+        if is_inverse:
+            if self.is_searching_limits:
+                fields.append(StateField("desired_um", comment="displacement at the last step [um]"))
+            if self.is_beside:
+                fields.append(StateField("elements_v", comment="voltage at the elements at the last step [V]"))
+        elif self.steps.substeps is Substeps.BENDS:
+            fields.append(StateField("bend", comment="what jumps leave bending in the next step [V]"))
+        return (*fields, *covariate_fields(self.parts_of(is_inverse)))
 
 
 def make_plan(model: PiezoModel, options: ExportOptions) -> ExportPlan:
@@ -83,13 +128,18 @@ def make_plan(model: PiezoModel, options: ExportOptions) -> ExportPlan:
     Raises:
         ParameterError: an effect that cannot be exported, unless it is to be left out.
     """
-    reduced, dropped = _without_effects(_with_elements(model, options.n_elements), options.is_dropping)
+    reduced = _with_elements(model, options.n_elements)
+    parts, left_out = effect_parts(reduced, options)
+    kept = {part.name for part in parts}
+    reduced = replace(reduced, effects=tuple(effect for effect in reduced.effects if effect.name in kept))
     modes = reduced.creep_modes
     return ExportPlan(
         options=options,
         model=reduced,
         checksum=model_checksum(model),
-        dropped=dropped,
+        parts=parts,
+        left_out=left_out,
+        steps=PartsOfSteps.of(reduced.effects),
         play_form=_even_form(reduced.play_form),
         stop_form=_even_form(reduced.stop_form),
         rates_per_s=_even(modes.rates_per_s, _IDLE_RATE_PER_S),
@@ -109,17 +159,7 @@ def _with_elements(model: PiezoModel, n_elements: int | None) -> PiezoModel:
     if n_elements is None or n_elements >= model.n_elements:
         return model
     kappa, saturation = elements_from_play_form(merged(model.play_form, n_elements))
-    return PiezoModel(kappa, saturation, model.creep_order, model.effects)
-
-
-def _without_effects(model: PiezoModel, is_dropping: bool) -> tuple[PiezoModel, tuple[tuple[str, str], ...]]:
-    dropped = tuple((cause.name, cause.inverse_note) for cause in model.causes)
-    if dropped and not is_dropping:
-        name, reason = dropped[0]
-        raise ParameterError(
-            "effect cannot be exported", where=f"model.{name}", value=reason, allowed="--drop leaves it out"
-        )
-    return PiezoModel(model.kappa_um_per_v, model.saturation_v, model.creep_order), dropped
+    return replace(model, kappa_um_per_v=kappa, saturation_v=saturation)
 
 
 def _even_form(form: OperatorSum) -> OperatorSum:

@@ -28,8 +28,8 @@ def readme(plan: ExportPlan) -> str:
         f"written by `fomrc export` ({options.precision.value} precision, direction {options.direction.value}).\n"
         f"Model checksum (SHA-256): `{plan.checksum}`."
     )
-    if plan.dropped:
-        summary += "\n\nLeft out: " + "; ".join(f"{name} ({reason})" for name, reason in plan.dropped) + "."
+    if plan.left_out:
+        summary += "\n\nLeft out: " + "; ".join(str(cause) for cause in plan.left_out) + "."
     ways = [way for way, is_there in (("forward", options.is_forward), ("inverse", options.is_inverse)) if is_there]
     blocks = {
         "title": f"# {options.name}",

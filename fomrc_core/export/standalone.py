@@ -69,6 +69,14 @@ def move_plays(slope, thresholds, weights, plays, value):
     return total
 
 
+def sum_plays(slope, thresholds, weights, plays, value):
+    """Return the play sum at an input; nothing moves."""
+    total = slope * value
+    for j in range(len(plays)):
+        total += weights[j] * min(max(plays[j], value - thresholds[j]), value + thresholds[j])
+    return total
+
+
 def sum_stops(slope, thresholds, weights, plays, value):
     """Return the stop sum at an input, each stop the input less a play; nothing moves."""
     total = slope * value

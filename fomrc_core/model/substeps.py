@@ -25,8 +25,8 @@ LARGE_CHANGE = 0.02  # of the largest threshold
 SMALL_CHANGE = 1e-3  # of the same: the bend within a step goes with the square of its change, here a millionth
 
 # Creep after a jump D bends by about D a / m^2 in the m-th step after it (a: creep order, a few hundredths).
-_BEND_AFTER = 0.1
-_BEND_FADES = 0.5
+BEND_AFTER = 0.1
+BEND_FADES = 0.5
 
 
 class Substeps(Enum):
@@ -69,7 +69,7 @@ def substeps_of(word: object, effects: tuple[Effect, ...], has_start: bool, wher
 def _with_bend_after(size: Array, bend: float, out: Array) -> float:
     for k in range(size.size):
         out[k] = max(size[k], bend)
-        bend = max(_BEND_AFTER * size[k], _BEND_FADES * bend)
+        bend = max(BEND_AFTER * size[k], BEND_FADES * bend)
     return bend
 
 

@@ -15,6 +15,7 @@ from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.covariates import Covariate
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.parameter import Parameter
+from fomrc_core.effects.base.step_form import StepForm
 from fomrc_core.errors import ParameterError
 
 __all__ = ["Array", "Effect", "Parameter", "Stage", "in_chain_order"]
@@ -128,6 +129,14 @@ class Effect(Cause):
             effects: all effects of the chain, this one among them.
         """
         return 1
+
+    def step_form(self, shortest_part_s: float) -> StepForm | None:
+        """Return the step for a controller, of which C and Python are made; None where there is none.
+
+        Args:
+            shortest_part_s: shortest part of a step that the state must have room for, one after the other [s].
+        """
+        return None
 
     # --- in a fit
 

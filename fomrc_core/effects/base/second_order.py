@@ -6,6 +6,7 @@ import math
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 
 @compiled
@@ -42,3 +43,43 @@ def run_second_order(state: Array, omega: float, damping: float, values: Array, 
         before = values[k]
         out[k] = position
     state[0], state[1], state[2] = position, velocity, before
+
+
+def second_order_form(omega: float, damping: float) -> StepForm:
+    """Return the same response, a sample at a time, for a controller.
+
+    Args:
+        omega: undamped angular frequency [rad/s].
+        damping: damping ratio, below 1.
+    """
+    return StepForm(
+        constants=(("omega", omega), ("damping", damping), ("root", math.sqrt(1.0 - damping * damping))),
+        state=(
+            StateField("position", kind=FieldKind.WIDE, comment="output of the step before"),
+            StateField("velocity", kind=FieldKind.WIDE, comment="its rate [1/s]"),
+            StateField("before", comment="input of the step before"),
+        ),
+        coefficients=("decay", "cosine", "sine"),
+        prepare=_prepare,
+        forward=_swing,
+    )
+
+
+def _prepare(k: Fields, c: Fields, step_s: float) -> None:
+    k.decay = math.exp(-c.damping * c.omega * step_s)
+    k.cosine = math.cos(c.omega * c.root * step_s)
+    k.sine = math.sin(c.omega * c.root * step_s)
+
+
+def _swing(s: Fields, k: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The loop of run_second_order, once.
+    sigma = c.damping * c.omega
+    damped = c.omega * c.root
+    slope = (value - s.before) / step_s
+    lag = 2.0 * c.damping / c.omega * slope
+    p = s.position - (s.before - lag)
+    q = (s.velocity - slope + sigma * p) / damped
+    s.velocity = slope + k.decay * (-sigma * (p * k.cosine + q * k.sine) + damped * (q * k.cosine - p * k.sine))
+    s.position = value - lag + k.decay * (p * k.cosine + q * k.sine)
+    s.before = value
+    return s.position

@@ -17,15 +17,15 @@ static real approached(real last_v, real goal_v, real reach_v)
 @if limits_by_search
 
 /* Move the state to where the actuator goes when it is given this voltage: the displacement for which the inverse
-   answers with it, between two that enclose it, by secants and halving. Bounded: SEARCH_STEPS trials each on a copy. */
-static void follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
+   answers with it, between two that enclose it, by secants and halving. Bounded: at most 120 trials, each on a copy.
+   False where there is none, and the state is as it was. */
+static int follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
 {
-    enum { SEARCH_STEPS = 60 };
     real low = state->desired_um, high = low, low_error, high_error, reach;
     piezo_inverse trial = *state;
     low_error = high_error = inverse_value(&trial, k, low, step_s) - voltage_v;
-    reach = most(most(low_error, -low_error) / STOP_SLOPE, REACH_LEAST);
-    for (int i = 0; i < SEARCH_STEPS; i++) {
+    reach = most(most(low_error, -low_error) * GAIN_UM_PER_V, R(1e-9));
+    for (int i = 0; i < 60; i++) {
         if (low_error > R(0.0)) {
             high = low;
             high_error = low_error;
@@ -42,17 +42,21 @@ static void follow_voltage(piezo_inverse *state, const coefficients *k, real vol
             break;
         }
         reach *= R(2.0);
-        if (reach > REACH_MOST) {
+        if (reach > R(1e5)) {
             low = high = state->desired_um; /* an effect keeps the answer from following: stay */
             break;
         }
     }
-    for (int i = 0; i < SEARCH_STEPS; i++) {
+    for (int i = 0; i < 60; i++) {
         real middle, error;
-        if (high_error - low_error < ERROR_LEAST || high - low <= WIDTH_LEAST * most(most(high, -high), R(1e-3))) break;
+        if (high_error - low_error < ERROR_LEAST || high - low <= R(10.0) * WIDTH_LEAST * most(most(high, -high), R(1e-3))) break;
         middle = i % 4 == 3 ? R(0.5) * (low + high) : low - low_error * (high - low) / (high_error - low_error);
         trial = *state;
         error = inverse_value(&trial, k, middle, step_s) - voltage_v;
+        if (most(error, -error) < ERROR_LEAST) {
+            low = high = middle;
+            break;
+        }
         if (error > R(0.0)) {
             high = middle;
             high_error = error;
@@ -62,8 +66,11 @@ static void follow_voltage(piezo_inverse *state, const coefficients *k, real vol
         }
     }
     low = -low_error < high_error ? low : high;
-    (void)inverse_value(state, k, low, step_s);
+    trial = *state;
+    if (!is_within(inverse_value(&trial, k, low, step_s), REAL_MAX)) return 0;
+    *state = trial;
     state->voltage_v = voltage_v;
+    return 1;
 }
 @end
 @if not limits_by_search
@@ -71,7 +78,7 @@ static void follow_voltage(piezo_inverse *state, const coefficients *k, real vol
 /* Move the state to where the actuator goes when it is given this voltage. The voltage rises with the input of
    hysteresis in straight pieces, steep ones first on either way: Newton's method walks them in order, one element or
    more with each step, and ends when none is left (one step more for a stop that rounding put beside its end). */
-static void follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
+static int follow_voltage(piezo_inverse *state, const coefficients *k, real voltage_v, real step_s)
 {
     real input = state->previous;
     real error = voltage_v - sum_stops(state->plays, input);
@@ -89,6 +96,7 @@ static void follow_voltage(piezo_inverse *state, const coefficients *k, real vol
     creep_undone_remember(state, k, input);
     (void)step_s;
     state->voltage_v = voltage_v;
+    return 1;
 }
 @end
 
@@ -100,20 +108,19 @@ static real limited(
     const real wanted_v = inverse_value(&moved, k, desired_um, step_s);
     const real clamped_v = least(most(wanted_v, limits->minimum_v), limits->maximum_v);
     const real voltage_v = approached(last_v, clamped_v, limits->slew_v_per_s * step_s);
+    if (!is_within(wanted_v, REAL_MAX)) return NOT_A_NUMBER;
     if (voltage_v == wanted_v) {
         *state = moved;
-    } else {
-        follow_voltage(state, k, voltage_v, step_s);
+        return voltage_v;
     }
-    return voltage_v;
+    return follow_voltage(state, k, voltage_v, step_s) ? voltage_v : NOT_A_NUMBER;
 }
 
 static real ramped(piezo_inverse *state, const coefficients *k, const piezo_limits *limits, real step_s)
 {
     const real reach_v = least(limits->safe_ramp_v_per_s, limits->slew_v_per_s) * step_s;
     const real voltage_v = approached(state->voltage_v, limits->safe_v, reach_v);
-    follow_voltage(state, k, voltage_v, step_s);
-    return voltage_v;
+    return follow_voltage(state, k, voltage_v, step_s) ? voltage_v : NOT_A_NUMBER;
 }
 
 #ifndef PIEZO_FIXED_STEP_ONLY
@@ -138,11 +145,11 @@ real piezo_inverse_ramp_to_safe(piezo_inverse *state, const piezo_limits *limits
 real piezo_inverse_step_fixed_limited(piezo_inverse *state, const piezo_limits *limits, real desired_um)
 {
     if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !are_limits(limits)) return NOT_A_NUMBER;
-    return limited(state, &FIXED, limits, desired_um, (real)PIEZO_SAMPLE_TIME_S);
+    return limited(state, &FIXED_1, limits, desired_um, (real)PIEZO_SAMPLE_TIME_S);
 }
 
 real piezo_inverse_ramp_to_safe_fixed(piezo_inverse *state, const piezo_limits *limits)
 {
     if (!are_limits(limits)) return NOT_A_NUMBER;
-    return ramped(state, &FIXED, limits, (real)PIEZO_SAMPLE_TIME_S);
+    return ramped(state, &FIXED_1, limits, (real)PIEZO_SAMPLE_TIME_S);
 }

@@ -16,15 +16,33 @@ typedef piezo_real real;
 #define R(number) number##f
 #define EXP expf
 #define POW powf
+#define REAL_MAX FLT_MAX
 @end
 @if not float
 #define R(number) number
 #define EXP exp
 #define POW pow
+#define REAL_MAX DBL_MAX
 @end
 #define NOT_A_NUMBER ((real)NAN)
+@if searches
+
+/* Where a search ends: what the precision can tell apart. */
+@if float
+#define REACH_LEAST 1.0e-6f
+#define WIDTH_LEAST 1.0e-7f
+#define ERROR_LEAST 1.0e-6f
+@end
+@if not float
+#define REACH_LEAST 1.0e-12
+#define WIDTH_LEAST 1.0e-14
+#define ERROR_LEAST 1.0e-12
+@end
+@end
 
 @insert constants
+
+@insert coefficient_types
 
 /* What a step length makes of the model. */
 typedef struct coefficients {
@@ -54,6 +72,8 @@ static int is_within(real value, real limit)
 {
     return value >= -limit && value <= limit;
 }
+
+@insert effects
 
 #ifndef PIEZO_FIXED_STEP_ONLY
 static int is_step(real step_s)
@@ -115,9 +135,24 @@ static real move_plays(real *plays, real value)
     return even + odd;
 }
 @end
+@if sum_plays
+
+/* The same at an input the plays are not moved to. */
+static real sum_plays(const real *plays, real value)
+{
+    real even = PLAY_SLOPE * value, odd = R(0.0);
+    for (size_t j = 0; j < N_PLAYS; j += 2) {
+        even += PLAY_WEIGHT[j] * least(most(plays[j], value - PLAY_THRESHOLD[j]), value + PLAY_THRESHOLD[j]);
+        odd += PLAY_WEIGHT[j + 1] *
+               least(most(plays[j + 1], value - PLAY_THRESHOLD[j + 1]), value + PLAY_THRESHOLD[j + 1]);
+    }
+    return even + odd;
+}
+@end
 @if stops
 
 /* Hysteresis from displacement, creep taken out, to voltage: a sum of stop operators, each its input less a play. */
+@if sum_stops
 static real sum_stops(const real *plays, real value)
 {
     real even = STOP_SLOPE * value, odd = R(0.0);
@@ -128,6 +163,7 @@ static real sum_stops(const real *plays, real value)
     return even + odd;
 }
 
+@end
 static real move_stops(real *plays, real value)
 {
     real even = STOP_SLOPE * value, odd = R(0.0);
@@ -176,4 +212,3 @@ static void creep_remember(const coefficients *k, real *modes, real previous, re
         modes[j] = k->decay[j] * modes[j] + (k->from_previous[j] * previous + k->from_current[j] * current);
 }
 @end
-@insert effects

@@ -3,6 +3,9 @@
 #define PIEZO_H
 
 #include <stddef.h>
+@if counts
+#include <stdint.h>
+@end
 
 #ifdef __cplusplus
 extern "C" {
@@ -31,6 +34,7 @@ typedef enum piezo_restoring {
     PIEZO_OTHER_MODEL, /* of another model, direction or precision */
     PIEZO_DAMAGED /* the check sum does not fit, or a value is not finite */
 } piezo_restoring;
+@insert effect_types
 @if forward
 
 /* Forward: voltage [V] in, displacement [um] out. All that is remembered between two steps; one for each actuator.

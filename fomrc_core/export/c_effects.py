@@ -1,0 +1,171 @@
+"""The effects of an export in C: types, constants, functions, and where the chain calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from fomrc_core.effects import Stage
+from fomrc_core.effects.base.step_form import FieldKind, StateField, StepFunction
+from fomrc_core.export.c_numbers import c_number, c_table
+from fomrc_core.export.options import Precision
+from fomrc_core.export.parts import EffectPart
+from fomrc_core.export.plan import ExportPlan
+from fomrc_core.export.template import read_template, render
+from fomrc_core.export.translation import FAILURE, LIBRARY, Surroundings, Translated, helper_function, step_function
+
+_TYPES = {FieldKind.REAL: "{name}_real", FieldKind.WIDE: "double", FieldKind.COUNT: "uint32_t"}
+
+
+def declarations(fields: Iterable[StateField], name: str) -> str:
+    """Return the fields of a struct."""
+    lines = []
+    for field in fields:
+        size = f"[{len(field.initial)}]" if field.is_array else ""
+        comment = f" /* {field.comment} */" if field.comment else ""
+        lines.append(f"    {_TYPES[field.kind].format(name=name)} {field.name}{size};{comment}")
+    return "\n".join(lines)
+
+
+def state_types(plan: ExportPlan) -> str:
+    """Return a struct for each effect that remembers something."""
+    name = plan.options.name
+    texts = []
+    for part in plan.parts:
+        if part.form.state:
+            head = f"typedef struct {name}_{part.name} {{"
+            texts.append(f"{head}\n{declarations(part.form.state, name)}\n}} {name}_{part.name};")
+    return "\n\n".join(["", *texts]) if texts else ""
+
+
+def coefficient_types(plan: ExportPlan) -> str:
+    """Return a struct for each effect that has coefficients of the step, and what the chain holds of them."""
+    texts = [
+        f"typedef struct {part.name}_coefficients {{\n    double {', '.join(part.form.coefficients)};\n"
+        f"}} {part.name}_coefficients;\n"
+        for part in plan.parts
+        if part.form.coefficients
+    ]
+    return "\n".join(texts)
+
+
+def coefficient_fields(plan: ExportPlan) -> str:
+    """Return the members of the chain's coefficients that are effects'."""
+    return "\n".join(f"    {part.name}_coefficients {part.name};" for part in plan.parts if part.form.coefficients)
+
+
+def prepare_calls(plan: ExportPlan) -> str:
+    """Return the calls that fill the effects' coefficients for a step of any length."""
+    calls = []
+    for part in plan.parts:
+        if part.form.prepare is not None:
+            arguments = ["(double)step_s"] if "step_s" in _function(part, "prepare").parameters else []
+            calls.append(f"    {part.name}_prepare({', '.join([f'&k->{part.name}', *arguments])});")
+    return "\n".join(calls)
+
+
+def definitions(plan: ExportPlan) -> str:
+    """Return constants and functions of all effects, what they call before them."""
+    prefix = plan.options.name
+    guard = f"#ifndef {prefix.upper()}_FIXED_STEP_ONLY\n{{}}\n#endif"
+    texts: list[str] = []
+    functions = {part.name: dict(_functions(part, plan)) for part in plan.parts}
+    needs = {need for own in functions.values() for translated in own.values() for need in translated.needs}
+    if needs:
+        texts.append(render(read_template("own_functions.c"), prefix, needs, {}).strip("\n"))
+    for helper in _helpers(plan.parts):
+        translated = helper_function(helper)
+        texts.append(guard.format(translated.text) if LIBRARY in translated.needs else translated.text)
+    for part in plan.parts:
+        texts.append(_constants(part, functions[part.name]))
+        for kind, translated in functions[part.name].items():
+            texts.append(guard.format(translated.text) if kind == "prepare" else translated.text)
+    return "\n\n".join(text for text in texts if text).replace("@prefix@", prefix)
+
+
+def step_calls(plan: ExportPlan, stages: Sequence[Stage], kind: str, step: str, is_reversed: bool = False) -> str:
+    """Return the calls of one kind of function ("forward", "inverse", ...) for the effects of some stages.
+
+    Args:
+        plan: what is exported.
+        stages: in the order of the chain.
+        kind: which function of the step form.
+        step: the length of the step in C [s], double.
+        is_reversed: the last effect of the chain first.
+    """
+    parts = [part for part in plan.parts if part.stage in stages and getattr(part.form, kind) is not None]
+    if kind in ("inverse", "unwarp"):
+        parts = [part for part in parts if part.is_inverted]
+    lines = []
+    for part in reversed(parts) if is_reversed else parts:
+        lines.append(f"value = (real){_call(part, kind, step)};")
+        if kind == "forward" and may_fail(part, kind):
+            lines.append("if (!is_within(value, REAL_MAX)) return NOT_A_NUMBER;")
+    return "\n".join(lines)
+
+
+def added_calls(plan: ExportPlan, kind: str, target: str, value: str, step: str) -> str:
+    """Return the calls that add to the elements' sum what effects beside them give."""
+    return "\n".join(
+        f"{target} += (real){_call(part, kind, step, value)};"
+        for part in plan.parts
+        if part.stage is Stage.HYSTERESIS and getattr(part.form, kind) is not None
+    )
+
+
+def may_fail(part: EffectPart, kind: str) -> bool:
+    """Return whether a function of an effect may have no answer."""
+    return getattr(part.form, kind) is not None and FAILURE in _function(part, kind).needs
+
+
+def _call(part: EffectPart, kind: str, step: str, value: str = "value") -> str:
+    given = {
+        "s": f"&state->{part.name}",
+        "k": f"&k->{part.name}",
+        "value": f"(double){value}",
+        "step_s": step,
+        "covariate": f"(double)state->{part.covariate}",
+        "is_known": f"(int)state->knows_{part.covariate}",
+    }
+    arguments = [given[parameter] for parameter in _function(part, kind).parameters]
+    return f"{part.name}_{kind}({', '.join(arguments)})"
+
+
+def _function(part: EffectPart, kind: str) -> Translated:
+    function: StepFunction = getattr(part.form, kind)
+    return step_function(function, f"{part.name}_{kind}", Surroundings.of(part.name, part.form), kind == "prepare")
+
+
+def _functions(part: EffectPart, plan: ExportPlan) -> Iterator[tuple[str, Translated]]:
+    """Return the functions of an effect the export calls, by kind."""
+    kinds = ["prepare"]
+    if plan.options.is_forward:
+        kinds += ["forward", "warp"]
+    if part.is_inverted:
+        kinds += ["inverse", "beside", "unwarp"]
+        if part.stage is Stage.HYSTERESIS:
+            kinds.append("forward")
+    for kind in dict.fromkeys(kinds):
+        if getattr(part.form, kind) is not None:
+            yield kind, _function(part, kind)
+
+
+def _helpers(parts: Iterable[EffectPart]) -> list[StepFunction]:
+    return list({helper.__name__: helper for part in parts for helper in part.form.helpers}.values())
+
+
+def _constants(part: EffectPart, functions: dict[str, Translated]) -> str:
+    used = "\n".join(translated.text for translated in functions.values())
+    lines = []
+    for name, value in part.form.constants:
+        full = f"{part.name}_{name}".upper()
+        if full not in used:
+            continue
+        if isinstance(value, tuple):
+            lines.append(c_table("double", full, str(len(value)), value, Precision.DOUBLE))
+        else:
+            lines.append(f"#define {full} {_bracketed(c_number(value, Precision.DOUBLE))}")
+    return "\n".join(lines)
+
+
+def _bracketed(number: str) -> str:
+    return f"({number})" if number.startswith("-") else number
