@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from benchmarks import c_reference, exported
@@ -51,8 +53,9 @@ def agreement(n: int = 1_000_000) -> list[Row]:
     if not exported.available():
         return []
     every = read_model(_EVERY_EFFECT)
+    plain = replace(table_1(), substeps=every.substeps)
     models = {"paper's model": table_1(), "with every effect": every}
-    models |= {f"with {effect.name}": table_1().with_effects(effect) for effect in every.effects}
+    models |= {f"with {effect.name}": plain.with_effects(effect) for effect in every.effects}
     steps, voltage = jumping_drive(n)
     desired = table_1().simulate(steps, voltage)
     jittered = STEP_S * np.random.default_rng(0).uniform(0.5, 2.0, n)

@@ -9,7 +9,7 @@ from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm
 from fomrc_core.errors import ParameterError
 from fomrc_core.export.options import ExportOptions
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, asked_by
+from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps
 
 _NO_STEP_FORM = "it has no step form"
 # How much shorter than the sample time steps may be, one after the other, for an effect that keeps samples.
@@ -66,12 +66,7 @@ class PartsOfSteps:
     least: int
 
     @classmethod
-    def of(cls, effects: tuple[Effect, ...]) -> PartsOfSteps:
-        """Return the division of steps of a model; none where it has no effects."""
-        return cls.dividing(effects, asked_by(effects) if effects else Substeps.NONE)
-
-    @classmethod
-    def dividing(cls, effects: tuple[Effect, ...], substeps: Substeps) -> PartsOfSteps:
+    def of(cls, effects: tuple[Effect, ...], substeps: Substeps) -> PartsOfSteps:
         """Return a division of steps with as many parts at least as effects ask for."""
         least = max((effect.least_parts(effects) for effect in effects), default=1)
         return cls(substeps, least if substeps is Substeps.BENDS else 1)
@@ -89,7 +84,7 @@ def effect_parts(model: PiezoModel, options: ExportOptions) -> tuple[tuple[Effec
     Raises:
         ParameterError: one cannot be exported or inverted, and is not to be left out.
     """
-    most_parts = PartsOfSteps.of(model.effects).counts[-1]
+    most_parts = PartsOfSteps.of(model.effects, model.substeps).counts[-1]
     shortest_part_s = options.sample_period_s / most_parts / _ROOM_FOR_SHORT_STEPS
     parts, left_out = [], []
     for effect in model.effects:

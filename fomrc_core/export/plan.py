@@ -139,7 +139,7 @@ def make_plan(model: PiezoModel, options: ExportOptions) -> ExportPlan:
         checksum=model_checksum(model),
         parts=parts,
         left_out=left_out,
-        steps=PartsOfSteps.of(reduced.effects),
+        steps=PartsOfSteps.of(reduced.effects, reduced.substeps),
         play_form=_even_form(reduced.play_form),
         stop_form=_even_form(reduced.stop_form),
         rates_per_s=_even(modes.rates_per_s, _IDLE_RATE_PER_S),

@@ -10,7 +10,6 @@ from fomrc_core.export.parts import PartsOfSteps
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.python_file import python_file
 from fomrc_core.model.simulation import before_record
-from fomrc_core.model.substeps import asked_by
 
 
 def with_start(plan: ExportPlan) -> ExportPlan:
@@ -18,14 +17,14 @@ def with_start(plan: ExportPlan) -> ExportPlan:
     start = plan.model.start
     if start is None or not plan.options.is_forward:
         return plan
-    # As PiezoModel.settle: what starts with the record is left out, and steps are divided as the whole model asks.
+    # As PiezoModel.settle: what starts with the record is left out.
     effects = before_record(plan.model.effects)
     lasting = {effect.name for effect in effects}
     past = replace(
         plan,
         options=replace(plan.options, direction=Direction.FORWARD),
         parts=tuple(part for part in plan.parts if part.name in lasting),
-        steps=PartsOfSteps.dividing(effects, asked_by(plan.model.effects)),
+        steps=PartsOfSteps.of(effects, plan.model.substeps),
     )
     names: dict[str, Any] = {"__name__": "past"}
     exec(compile(python_file(past, {}), "past", "exec"), names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -29,11 +30,12 @@ from fomrc_core.export.self_test import C_FLAGS
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.prehistory import Prehistory
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.storage import read_model
 
 ROOT = Path(__file__).parents[3]
 EVERY = read_model(ROOT / "benchmarks" / "every_effect.yaml")
-PLAIN = PiezoModel(EVERY.kappa_um_per_v, EVERY.saturation_v, EVERY.creep_order)
+PLAIN = PiezoModel(EVERY.kappa_um_per_v, EVERY.saturation_v, EVERY.creep_order, substeps=Substeps.BENDS)
 SANITIZERS = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 QUICK = (*(flag for flag in C_FLAGS if flag != "-O2"), "-O0")
 PERIOD_S = 1e-3
@@ -100,6 +102,15 @@ def test_a_model_starts_where_its_past_leaves_it(tmp_path) -> None:
     run_self_test(tmp_path / "every", "stage", Language.C, "gcc", QUICK)
     export_model(PLAIN.with_start(past), tmp_path / "plain", options(language=Language.PYTHON))
     run_self_test(tmp_path / "plain", "stage", Language.PYTHON)
+
+
+@pytest.mark.parametrize("substeps", [Substeps.NONE, Substeps.JUMPS])
+def test_steps_are_divided_as_the_model_says(substeps) -> None:
+    _, voltage = jumping_drive(3000)
+    for model in (PLAIN, PLAIN.with_effects(AmplifierBandwidth(80.0), GainDrift(1e-3))):
+        divided = replace(model, substeps=substeps)
+        compiled = Exported(divided, options(), "forward", flags=("-std=c99", "-O0"))
+        assert np.max(errors_of(compiled, divided, None, voltage)) <= 1e-12
 
 
 def test_what_has_no_inverse_is_refused_or_left_out_and_said(tmp_path) -> None:

@@ -1,0 +1,210 @@
+"""The same work on many recordings: any executor, resumable, failures told and passed over.
+
+Each record's result is a JSON file of its own, written at once when it is done: after a kill only what was not yet
+done is done. The work is a plain function of file names, so that any ``concurrent.futures.Executor`` carries it to
+threads, processes or, by Dask's ``Client.get_executor()``, to other machines that see the same files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from fomrc_core.errors import FomrcError, ParameterError
+from fomrc_core.storage.atomic import make_directory, write_text
+
+_RECORD_SUFFIXES = (".csv", ".csv.gz", ".txt", ".dat")
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+WorkProgress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class RecordWork:
+    """What is done with each recording.
+
+    Attributes:
+        function: called with a recording's path, the output folder and the options; writes what it has to and returns
+            the result as plain numbers and strings, among them "reason". Raises FomrcError where a record fails. A
+            function of a module, so that other processes find it.
+        suffix: of the result file, behind the recording's name.
+        kept_with: suffixes of what else must be there for a result to be kept.
+        options: for the function; results of other options are not kept.
+    """
+
+    function: Callable[[Path, Path, Any], Mapping[str, Any]]
+    suffix: str
+    kept_with: tuple[str, ...]
+    options: Any
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What became of one recording.
+
+    Attributes:
+        name: name of the recording's file, without its folder.
+        is_done: whether there is a result.
+        is_kept: whether it is that of an earlier run.
+        reason: why the work ended, or why there is no result.
+        content: the result; empty where there is none.
+    """
+
+    name: str
+    is_done: bool
+    is_kept: bool
+    reason: str
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+
+def records_in(folder: Path) -> list[Path]:
+    """Return the recordings in a folder, by name: files that may hold one, and rosbag2 folders.
+
+    Raises:
+        ParameterError: no such folder, or nothing in it.
+    """
+    if not folder.is_dir():
+        raise ParameterError("no such folder", where=str(folder), allowed="a folder of recordings")
+    found = [
+        path
+        for path in sorted(folder.iterdir())
+        if path.name.lower().endswith(_RECORD_SUFFIXES) or (path / "metadata.yaml").is_file()
+    ]
+    if not found:
+        raise ParameterError(
+            "no recording found", where=str(folder), allowed=f"files {', '.join(_RECORD_SUFFIXES)}, or rosbag2 folders"
+        )
+    return found
+
+
+def work_on(
+    recordings: Sequence[Path],
+    output: Path,
+    work: RecordWork,
+    *,
+    executor: Executor | None = None,
+    n_workers: int | None = None,
+    progress: WorkProgress | None = None,
+) -> tuple[RecordOutcome, ...]:
+    """Do the work on each recording and return what became of each, in the order given.
+
+    A failed record leaves a result file with the reason, and is tried again by the next run. A record whose result is
+    there, from the same file and options, is kept.
+
+    Args:
+        recordings: files or rosbag2 folders, each with a name of its own.
+        output: folder of the results, made where it is missing.
+        work: what is done.
+        executor: runs the records; by default one process per processor. It is not shut down.
+        n_workers: number of processes of the default executor.
+        progress: called with the share done and the record that is done.
+
+    Raises:
+        ParameterError: two recordings of one name, or a number of workers below 1.
+    """
+    paths = [Path(path).absolute() for path in recordings]
+    names = [path.name for path in paths]
+    for name in names:
+        if names.count(name) > 1:
+            raise ParameterError("two recordings of one name", where="recordings", value=name, allowed="each name once")
+    if n_workers is not None and n_workers < 1:
+        raise ParameterError("number of workers out of range", where="n_workers", value=n_workers, allowed="1 or more")
+    output = make_directory(Path(output).absolute())
+    tell = progress or (lambda _share, _text: None)
+    results: dict[str, RecordOutcome] = {}
+    waiting = []
+    for path in paths:
+        kept = _kept_result(path, output, work)
+        if kept is None:
+            waiting.append(path)
+        else:
+            results[path.name] = kept
+    tell(len(results) / max(len(paths), 1), f"{len(results)} of {len(paths)} already done")
+    if waiting:
+        with _executor(executor, n_workers) as pool:
+            for outcome in _finished(pool, waiting, output, work):
+                results[outcome.name] = outcome
+                mark = "done" if outcome.is_done else "FAILED"
+                tell(len(results) / len(paths), f"{outcome.name}: {mark}: {outcome.reason}")
+    return tuple(results[name] for name in names)
+
+
+def _finished(pool: Executor, waiting: list[Path], output: Path, work: RecordWork) -> Iterator[RecordOutcome]:
+    futures: dict[Future[RecordOutcome], Path] = {
+        pool.submit(work_on_one, str(path), str(output), work): path for path in waiting
+    }
+    for future in as_completed(futures):
+        try:
+            yield future.result()
+        except BrokenProcessPool:
+            raise FomrcError("a worker process died; run again to go on where it stopped") from None
+        except Exception as error:
+            yield _failed(futures[future], output, work, f"{type(error).__name__}: {error}")
+
+
+@contextmanager
+def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executor]:
+    if given is not None:
+        yield given
+        return
+    # Workers as many as processors: threads of the linear algebra on top of them only wait for each other. What
+    # the user has set stays.
+    before = {name: os.environ.get(name) for name in _BLAS_THREADS}
+    os.environ.update({name: "1" for name, value in before.items() if value is None})
+    try:
+        # Spawned: a fork would copy the threads' locks of whatever runs beside it.
+        with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+
+
+def work_on_one(recording: str, output: str, work: RecordWork) -> RecordOutcome:
+    """Do the work on one recording and write its result; what a worker runs. Never raises for a bad record."""
+    path, folder = Path(recording), Path(output)
+    try:
+        content = dict(work.function(path, folder, work.options))
+    except FomrcError as error:
+        return _failed(path, folder, work, str(error))
+    _write_result(path, folder, work, {"is_done": True, **content})
+    return RecordOutcome(path.name, True, False, str(content["reason"]), content)
+
+
+def _failed(path: Path, folder: Path, work: RecordWork, reason: str) -> RecordOutcome:
+    _write_result(path, folder, work, {"is_done": False, "reason": reason})
+    return RecordOutcome(path.name, False, False, reason)
+
+
+def _write_result(path: Path, folder: Path, work: RecordWork, content: dict[str, Any]) -> None:
+    content = {"recording": path.name, "fingerprint": _fingerprint(path, work.options), **content}
+    write_text(json.dumps(content, indent=2) + "\n", folder / f"{path.name}{work.suffix}")
+
+
+def _kept_result(path: Path, folder: Path, work: RecordWork) -> RecordOutcome | None:
+    if not all((folder / f"{path.name}{suffix}").is_file() for suffix in work.kept_with):
+        return None
+    try:
+        content = json.loads((folder / f"{path.name}{work.suffix}").read_text())
+        if content["is_done"] is not True or content["fingerprint"] != _fingerprint(path, work.options):
+            return None
+        return RecordOutcome(path.name, True, True, str(content["reason"]), content)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # cut short or not ours: done again
+
+
+def _fingerprint(path: Path, options: Any) -> str:
+    # Size and time of change stand for the content: hashing a day's recordings would take longer than a fit.
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    stamps = [(p.name, p.stat().st_size, p.stat().st_mtime_ns) for p in files if p.exists()]
+    return hashlib.sha256(repr((stamps, options)).encode()).hexdigest()[:16]
