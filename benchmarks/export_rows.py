@@ -16,7 +16,7 @@ from fomrc_core.storage import read_model
 
 BARS = {Precision.DOUBLE: 1e-12, Precision.FLOAT: 1e-5}
 _LONGEST_STEP_NS = 60.0
-_EVERY_EFFECT = ROOT / "benchmarks" / "every_effect.yaml"
+EVERY_EFFECT = ROOT / "benchmarks" / "every_effect.yaml"
 
 
 def errors_of(
@@ -52,7 +52,7 @@ def agreement(n: int = 1_000_000) -> list[Row]:
     """Exported C against Python, forward and inverse, steps of one length and of any."""
     if not exported.available():
         return []
-    every = read_model(_EVERY_EFFECT)
+    every = read_model(EVERY_EFFECT)
     plain = replace(table_1(), substeps=every.substeps)
     models = {"paper's model": table_1(), "with every effect": every}
     models |= {f"with {effect.name}": plain.with_effects(effect) for effect in every.effects}

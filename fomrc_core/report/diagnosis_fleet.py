@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.diagnosis import Status, diagnose
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.report.diagnosis_files import write_report
@@ -63,7 +64,7 @@ class DiagnosedRecord:
     def __str__(self) -> str:
         if not self.is_done:
             return f"{self.name} failed: {self.reason}"
-        found = ", ".join(f"{cause} ({value:.4g})" for cause, value in self.causes.items()) or "no cause"
+        found = ", ".join(f"{cause}{_sizes(np.array([value]))}" for cause, value in self.causes.items()) or "no cause"
         errors = f"{self.nrmse_percent_before:.4g} % -> {self.nrmse_percent_after:.4g} %"
         return f"{self.name}: {self.reason}: {found}, {errors}{' (kept)' if self.is_kept else ''}"
 
@@ -95,11 +96,10 @@ class FleetDiagnosis:
         for cause, records in self.shared_by.items():
             values = np.array([record.causes[cause] for record in records])
             if len(records) == 1:
-                lines.append(f"{cause} ({values[0]:.4g}): {records[0].name} alone")
+                lines.append(f"{cause}{_sizes(values)}: {records[0].name} alone")
                 continue
             names = ", ".join(record.name for record in records)
-            size = "" if np.any(np.isnan(values)) else f" ({values.min():.4g} to {values.max():.4g})"
-            lines.append(f"{cause}{size}: {len(records)} of {len(done)}: {names}")
+            lines.append(f"{cause}{_sizes(values)}: {len(records)} of {len(done)}: {names}")
         clean = [record.name for record in done if not record.causes and record.reason == Status.NOTHING_FOUND.value]
         open_ones = [record.name for record in done if not record.causes and record.name not in clean]
         if clean:
@@ -108,6 +108,14 @@ class FleetDiagnosis:
             lines.append(f"not explained: {', '.join(open_ones)}")
         lines += [str(record) for record in self.records if not record.is_done]
         return "\n".join(lines)
+
+
+def _sizes(values: Array) -> str:
+    """Return the smallest and largest value of a main parameter in brackets; nothing where one has no single value."""
+    if np.any(np.isnan(values)):
+        return ""
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return f" ({low})" if low == high else f" ({low} to {high})"
 
 
 def diagnose_fleet(
