@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import re
 import shutil
 import subprocess
@@ -10,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.export_rows import EVERY_EFFECT
-from benchmarks.subjects import table_1
+from benchmarks.subjects import ROOT, table_1
 from benchmarks.timing import Row
 from fomrc_core.export import Direction, ExportOptions, Precision, export_model
 from fomrc_core.model.piezo_model import PiezoModel
@@ -66,6 +68,22 @@ def cortex_m7() -> list[Row]:
     return rows
 
 
+def loop_at_20_khz(seconds: float = 10.0) -> list[Row]:
+    """What examples/c_loop tells of itself: how late the clock woke it, and how many ticks it missed."""
+    if shutil.which("gcc") is None:
+        return []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        export_model(table_1(), folder / "stage", ExportOptions("stage", sample_period_s=5e-5))
+        sources = [str(ROOT / "examples" / "c_loop" / "loop.c"), str(folder / "stage" / "stage.c")]
+        program = str(folder / "loop")
+        subprocess.run(["gcc", "-std=c99", "-O2", f"-I{folder / 'stage'}", *sources, "-lm", "-o", program], check=True)
+        targets = "\n".join(f"{0.8 * math.sin(k / 400.0):.6f}" for k in range(int(seconds * 20_000)))
+        done = subprocess.run([program], input=targets, capture_output=True, text=True, check=True)
+    load = f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, no real-time priority"
+    return [Row("loop at 20 kHz in C", f"{done.stderr.strip()} ({load})")]
+
+
 def _measured(label: str, model: PiezoModel, precision: Precision, direction: Direction) -> Row:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -81,8 +99,12 @@ def _measured(label: str, model: PiezoModel, precision: Precision, direction: Di
         f"data {whole[1]}; state {state} bytes; self-test under qemu: {said}"
     )
     is_bounded = label != "every effect"
-    return Row(what, figure, f"state <= {_LARGEST_STATE} bytes; self-test passes" if is_bounded else "self-test passes",
-               (state <= _LARGEST_STATE or not is_bounded) and said in ("passed", "not run"))
+    return Row(
+        what,
+        figure,
+        f"state <= {_LARGEST_STATE} bytes; self-test passes" if is_bounded else "self-test passes",
+        (state <= _LARGEST_STATE or not is_bounded) and said in ("passed", "not run"),
+    )
 
 
 def _section_sizes(folder: Path, *flags: str) -> tuple[int, int, int]:

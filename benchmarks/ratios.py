@@ -1,6 +1,6 @@
 """Print every figure beside its bar, measured in one run: ``python -m benchmarks.ratios [PART ...] [--write]``.
 
-Parts: kernels, rivals, system, fleet, export. ``--write`` puts the table with versions and machine into
+Parts: kernels, rivals, system, fleet, export, array. ``--write`` puts the table with versions and machine into
 docs/benchmarks.md.
 """
 
@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import export_rows, kernels, rivals, system
+from benchmarks import array_rows, controllers, export_rows, kernels, rivals, system
 from benchmarks.subjects import ROOT
 from benchmarks.timing import Row
 
@@ -24,7 +24,8 @@ PARTS: dict[str, tuple[Callable[[], list[Row]], ...]] = {
     "rivals": (rivals.hysteresis_rows, rivals.creep_rows),
     "system": (system.memory, system.identification, system.diagnosis),
     "fleet": (system.fleet,),
-    "export": (export_rows.agreement, export_rows.fixed_step),
+    "export": (export_rows.fixed_step, controllers.cortex_m7, controllers.loop_at_20_khz, export_rows.agreement),
+    "array": (array_rows.thousand_actuators,),
 }
 _PAGE = ROOT / "docs" / "benchmarks.md"
 _MARK = {True: "met", False: "NOT MET", None: ""}

@@ -12,7 +12,7 @@ from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
-from fomrc_core.cli.fleet_commands import identify_fleet
+from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
 from fomrc_core.errors import FomrcError
 
@@ -51,6 +51,7 @@ application.command()(export)
 application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
 application.command()(diagnose)
+application.command("diagnose-fleet")(diagnose_fleet)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)

@@ -1,4 +1,4 @@
-"""``fomrc identify-fleet``: one model for each recording of a folder."""
+"""``fomrc identify-fleet`` and ``fomrc diagnose-fleet``: one model, or one diagnosis, for each recording of a folder."""
 
 from __future__ import annotations
 
@@ -14,21 +14,24 @@ from fomrc_core.cli.fit_commands import Method, _element_count
 from fomrc_core.cli.options import Columns, OutputDirectory, Rate, progress_shown, say
 from fomrc_core.errors import ParameterError
 
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of recordings, one for each actuator.")]
+Workers = Annotated[
+    int | None, typer.Option(metavar="N", help="Processes side by side; as many as processors by default.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="HOST:PORT", help="A Dask scheduler whose workers see the same folders.")
+]
+
 
 def identify_fleet(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of recordings, one for each actuator.")],
+    folder: Folder,
     output: OutputDirectory,
     elements: Annotated[str, typer.Option(metavar="N|auto", help="Number of elements that saturate.")] = "10",
     method: Annotated[Method, typer.Option(help="As for identify.")] = Method.CONVEX,
     columns: Columns = None,
     rate: Rate = None,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Processes side by side; as many as processors by default.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="A Dask scheduler whose workers see the same folders."),
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> int:
     """Identify a model for each recording of a folder.
 
@@ -59,6 +62,45 @@ def identify_fleet(
     for record in failed:
         say(f"fomrc: {record}")
     print(f"{len(records) - len(failed)} of {len(records)} recordings identified, models in {output}")
+    return 2 if failed else 0
+
+
+def diagnose_fleet(
+    folder: Folder,
+    output: OutputDirectory,
+    columns: Columns = None,
+    rate: Rate = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> int:
+    """Diagnose each recording of a folder by itself, and tell which share a cause and which one is alone.
+
+    Writes the files of diagnose into NAME.diagnosis/ for each, and fleet.csv with a row for each. Run again after an
+    interruption to go on: what is done is kept. A record that fails is told and passed over; exit status 2 says that
+    there were such.
+    """
+    from fomrc_core.report.diagnosis_fleet import DiagnosisFleetOptions
+    from fomrc_core.report.diagnosis_fleet import diagnose_fleet as diagnose_all
+    from fomrc_core.storage import make_directory
+    from fomrc_core.storage.record_work import records_in
+    from fomrc_core.storage.told_columns import column_numbers
+
+    numbers = column_numbers(columns, "--columns") if columns is not None else None
+    options = DiagnosisFleetOptions(tuple(numbers.items()) if numbers else None, rate)
+    recordings = records_in(folder)
+    make_directory(output)
+    with progress_shown("diagnose-fleet") as progress, _workers_of(scheduler) as executor:
+        found = diagnose_all(
+            recordings, output, options=options, executor=executor, n_workers=workers, progress=progress
+        )
+    failed = [record for record in found.records if not record.is_done]
+    for record in found.records:
+        if record.is_done:
+            print(record)
+    for record in failed:
+        say(f"fomrc: {record}")
+    print(found)
+    print(f"{len(found.records) - len(failed)} of {len(found.records)} recordings diagnosed, reports in {output}")
     return 2 if failed else 0
 
 

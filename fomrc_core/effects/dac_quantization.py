@@ -15,6 +15,7 @@ from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 def _round(c: Fields, value: float) -> Number:
     return round(value / c.step_v) * c.step_v
 
+
 _FEWEST_STEPS = 20  # over the range: of fewer each is seen in the displacement itself
 _HALF_WIDTH = 25  # samples of the narrowest running mean: passes steps of fewer samples than that, of any size
 _WIDER = 5  # from one width to the next: a running mean passes a sawtooth from a tenth of its width to all of it

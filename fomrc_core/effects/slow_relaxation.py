@@ -32,6 +32,7 @@ def _relaxed(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     s.late = known + k.ramp * s.before
     return s.before
 
+
 _SHORTEST_SAMPLES = 5.0  # a bend of fewer samples is no bend
 _LONGEST = 0.7  # of the record
 

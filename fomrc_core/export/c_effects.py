@@ -40,12 +40,16 @@ def state_types(plan: ExportPlan) -> str:
 def coefficient_types(plan: ExportPlan) -> str:
     """Return a struct for each effect that has coefficients of the step, and what the chain holds of them."""
     texts = [
-        f"typedef struct {part.name}_coefficients {{\n    double {', '.join(part.form.coefficients)};\n"
+        f"typedef struct {part.name}_coefficients {{\n    double {', '.join(_sized(part))};\n"
         f"}} {part.name}_coefficients;\n"
         for part in plan.parts
         if part.form.coefficients
     ]
     return "\n".join(texts)
+
+
+def _sized(part: EffectPart) -> list[str]:
+    return [name + (f"[{size}]" if size else "") for name, size in part.form.coefficient_sizes.items()]
 
 
 def coefficient_fields(plan: ExportPlan) -> str:
@@ -139,7 +143,7 @@ def _functions(part: EffectPart, plan: ExportPlan) -> Iterator[tuple[str, Transl
     """Return the functions of an effect the export calls, by kind."""
     kinds = ["prepare"]
     if plan.options.is_forward:
-        kinds += ["forward", "warp"]
+        kinds += ["forward", "warp", "widening"]
     if part.is_inverted:
         kinds += ["inverse", "beside", "unwarp"]
         if part.stage is Stage.HYSTERESIS:

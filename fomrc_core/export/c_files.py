@@ -56,6 +56,7 @@ def conditions(plan: ExportPlan) -> set[str]:
         "forward": options.is_forward,
         "inverse": options.is_inverse,
         "plays": options.is_forward or is_beside,
+        "plain_plays": is_beside or not any(part.form.widening is not None for part in plan.parts),
         "sum_plays": is_beside,
         "stops": options.is_inverse and not is_beside,
         "sum_stops": options.is_inverse and not plan.is_searching_limits,
@@ -65,6 +66,8 @@ def conditions(plan: ExportPlan) -> set[str]:
         "searches": plan.is_searching_limits,
         "limits_by_search": plan.is_searching_limits,
         "substeps": plan.steps.counts != (1,),
+        "held": plan.is_held,
+        "widened": any(part.form.widening is not None for part in plan.parts),
         "bends": plan.steps.substeps is Substeps.BENDS,
     }
     return {name for name, is_true in holds.items() if is_true}
@@ -257,10 +260,15 @@ def _coefficients(plan: ExportPlan, n_parts: int) -> str:
 
 
 def _effect_coefficients(part: EffectPart, step_s: float) -> str:
-    filled, constants = SimpleNamespace(), SimpleNamespace(**dict(part.form.constants))
+    sizes, constants = part.form.coefficient_sizes, SimpleNamespace(**dict(part.form.constants))
+    filled = SimpleNamespace(**{name: [0.0] * size for name, size in sizes.items() if size})
     if part.form.prepare is not None:
         part.form.prepare(k=filled, c=constants, step_s=step_s)
-    return c_list([getattr(filled, name) for name in part.form.coefficients], Precision.DOUBLE)
+    members = [
+        c_list(getattr(filled, name), Precision.DOUBLE) if size else c_number(getattr(filled, name), Precision.DOUBLE)
+        for name, size in sizes.items()
+    ]
+    return "{" + ", ".join(members) + "}"
 
 
 def _forward_calls(plan: ExportPlan) -> dict[str, str]:
@@ -269,9 +277,7 @@ def _forward_calls(plan: ExportPlan) -> dict[str, str]:
     warps = c_effects.step_calls(plan, (Stage.HYSTERESIS,), "warp", "(double)step_s")
     blocks = {
         "forward_drive": "",
-        "forward_hysteresis": "\n".join(
-            text for text in (drive, warps, "moved = move_plays(state->plays, value);", beside) if text
-        ),
+        "forward_hysteresis": "\n".join(text for text in (drive, warps, *_widenings(plan), beside) if text),
         "forward_mechanical": c_effects.step_calls(plan, (Stage.MECHANICAL,), "forward", "(double)step_s"),
         "forward_setters": _setters(plan, is_inverse=False),
     }
@@ -282,6 +288,13 @@ def _forward_calls(plan: ExportPlan) -> dict[str, str]:
     for name in ("forward_hysteresis", "forward_mechanical"):
         blocks[name] = _indented(blocks[name])
     return blocks
+
+
+def _widenings(plan: ExportPlan) -> list[str]:
+    calls = c_effects.added_calls(plan, "widening", "widening", "value", "(double)step_s").replace("+=", "*=")
+    if not calls:
+        return ["moved = move_plays(state->plays, value);"]
+    return [calls, "moved = move_widened_plays(state->plays, value, widening);"]
 
 
 def _inverse_calls(plan: ExportPlan) -> dict[str, str]:

@@ -78,6 +78,11 @@ class ExportPlan:
         return float(thresholds[-1]) if thresholds.size else math.inf
 
     @property
+    def is_held(self) -> bool:
+        """Whether the drive stands still between samples."""
+        return any(effect.holds for effect in self.model.effects if effect.stage is Stage.SAMPLED_DRIVE)
+
+    @property
     def is_beside(self) -> bool:
         """Whether the inverse undoes effects beside the elements: then it searches for the voltage."""
         return any(part.stage is Stage.HYSTERESIS and part.is_inverted for part in self.parts)

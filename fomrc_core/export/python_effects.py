@@ -14,7 +14,7 @@ from fomrc_core.export.parts import EffectPart
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.translation import parameters_of, parsed
 
-_KINDS = ("prepare", "forward", "inverse", "beside", "warp", "unwarp")
+_KINDS = ("prepare", "forward", "inverse", "beside", "warp", "unwarp", "widening")
 
 
 def definitions(plan: ExportPlan, tuple_text: dict[str, str]) -> str:
@@ -45,7 +45,11 @@ def prepare_calls(plan: ExportPlan) -> str:
     lines = []
     for part in plan.parts:
         if part.form.prepare is not None:
-            lines += [f"            k[{part.name!r}] = _fields()", f"            {_call(part, 'prepare', 'step_s')}"]
+            tables = ", ".join(f"{n}=[0.0] * {size}" for n, size in part.form.coefficient_sizes.items() if size)
+            lines += [
+                f"            k[{part.name!r}] = _fields({tables})",
+                f"            {_call(part, 'prepare', 'step_s')}",
+            ]
     return "\n".join(lines)
 
 

@@ -65,6 +65,7 @@ def _forward_calls(plan: ExportPlan) -> dict[str, str]:
     return {
         "forward_sampled": python_effects.calls(plan, (Stage.SAMPLED_DRIVE,), "forward"),
         "forward_drive": "\n".join(text for text in (drive, warps) if text),
+        "forward_widening": python_effects.added(plan, "widening", target="widening *= "),
         "forward_beside": python_effects.added(plan, "forward"),
         "forward_mechanical": python_effects.calls(plan, (Stage.MECHANICAL,), "forward"),
         "forward_sensed": python_effects.calls(plan, (Stage.SENSED,), "forward"),

@@ -37,10 +37,11 @@ _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: 
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _CALLS = {("min", 2): "least_of", ("max", 2): "most_of", ("abs", 1): "size_of", ("round", 1): "rounded"}
 # Inside a step no library is called: the file has an exponential and a sine of its own.
-_IN_STEP = {"exp": "exponential", "sin": "sine"}
-_IN_PREPARE = {name: name for name in ("exp", "expm1", "sin", "cos", "sqrt")}
+_IN_STEP = {"exp": "exponential", "sin": "sine", "cos": "cosine", "log1p": "logarithm"}
+_IN_PREPARE = {name: name for name in ("exp", "expm1", "sin", "cos", "sqrt", "log1p")}
 # What of them the file must define, and what they call in turn.
-_OWN = {"exponential": {"exponential", "rounded"}, "sine": {"sine", "rounded"}, "rounded": {"rounded"}}
+_OWN = {name: {name, "rounded"} for name in ("exponential", "rounded")}
+_OWN |= {name: {name, "wave", "rounded"} for name in ("sine", "cosine")} | {"logarithm": {"logarithm"}}
 _OWN |= {name: {name} for name in ("least_of", "most_of", "size_of")}
 LIBRARY = "library"
 FAILURE = "failure"
@@ -54,14 +55,14 @@ class Surroundings:
         name: of the effect; its constants, types and functions begin with it.
         constants: its constants.
         fields: fields of its state.
-        coefficients: names of its coefficients.
+        coefficients: size of each of its coefficients, 0 for a number.
         helpers: names of functions it may call.
     """
 
     name: str
     constants: Mapping[str, float | tuple[float, ...]]
     fields: Mapping[str, StateField]
-    coefficients: tuple[str, ...]
+    coefficients: Mapping[str, int]
     helpers: frozenset[str]
 
     @classmethod
@@ -69,7 +70,7 @@ class Surroundings:
         """Return those of the functions of a step form."""
         fields = {field.name: field for field in form.state}
         helpers = frozenset(helper.__name__ for helper in form.helpers)
-        return cls(name, dict(form.constants), fields, form.coefficients, helpers)
+        return cls(name, dict(form.constants), fields, form.coefficient_sizes, helpers)
 
 
 @dataclass(frozen=True)
@@ -143,8 +144,10 @@ def helper_function(function: StepFunction) -> Translated:
     node = parsed(function)
     kinds = {"float": CType.NUMBER, "int": CType.COUNT}
     known: dict[str, CType] = {}
-    around = Surroundings(function.__name__, {}, {}, (), frozenset())
-    writer = _Writer(function.__name__, around, known, is_prepare=True)
+    around = Surroundings(function.__name__, {}, {}, {}, frozenset())
+    # What only the library has makes a helper one of ``prepare``.
+    is_prepare = bool(_called(node) & (set(_IN_PREPARE) - set(_IN_STEP)))
+    writer = _Writer(function.__name__, around, known, is_prepare)
     for argument in node.args.args:
         annotation = ast.unparse(argument.annotation) if argument.annotation is not None else ""
         if annotation not in kinds:
@@ -152,6 +155,11 @@ def helper_function(function: StepFunction) -> Translated:
         known[argument.arg] = kinds[annotation]
     told = ", ".join(f"{kind.value} {name}" for name, kind in known.items())
     return writer.definition(node, f"static double {function.__name__}({told})", tuple(known))
+
+
+def _called(node: ast.FunctionDef) -> set[str]:
+    calls = (inner.func for inner in ast.walk(node) if isinstance(inner, ast.Call))
+    return {call.attr for call in calls if isinstance(call, ast.Attribute)}
 
 
 @dataclass
@@ -221,6 +229,8 @@ class _Writer:
             self._say(depth, f"{target.id} = {text};")
             return
         place, own_kind = self._place(target)
+        if place.startswith("k->") and not self.is_prepare:
+            raise self.refusal(node, f"to store in {ast.unparse(target)}")
         if own_kind is FieldKind.COUNT and kind is CType.NUMBER:
             raise self.refusal(node, "a number for a count")
         cast = "(real)" if own_kind is FieldKind.REAL else ""
@@ -231,14 +241,12 @@ class _Writer:
         """Return where something is stored, and what is stored there."""
         inner = node.value if isinstance(node, ast.Subscript) else node
         if isinstance(inner, ast.Attribute) and isinstance(inner.value, ast.Name):
+            index = f"[{self._index(node)}]" if isinstance(node, ast.Subscript) else ""
             if inner.value.id == "s" and inner.attr in self.around.fields:
-                place = f"s->{inner.attr}"
-                if isinstance(node, ast.Subscript):
-                    place += f"[{self._index(node)}]"
-                return place, self.around.fields[inner.attr].kind
-            if inner.value.id == "k" and self.is_prepare and inner.attr in self.around.coefficients:
-                return f"k->{inner.attr}", FieldKind.WIDE
-        raise self.refusal(node, f"to store in {ast.unparse(node)}")
+                return f"s->{inner.attr}{index}", self.around.fields[inner.attr].kind
+            if inner.value.id == "k" and inner.attr in self.around.coefficients:
+                return f"k->{inner.attr}{index}", FieldKind.WIDE
+        raise self.refusal(node, ast.unparse(node))
 
     def _if(self, node: ast.If, depth: int) -> None:
         test = self._expression(node.test)[0]
@@ -298,15 +306,7 @@ class _Writer:
             return "(double)NAN", CType.NUMBER
         if owner == "c" and isinstance(self.around.constants.get(node.attr), (int, float)):
             return f"{self.around.name.upper()}_{node.attr.upper()}", CType.NUMBER
-        if owner in "sk" and owner:
-            place, kind = (
-                self._place(node)
-                if owner == "s"
-                else (f"k->{node.attr}", FieldKind.WIDE if node.attr in self.around.coefficients else None)
-            )
-            if kind is not None:
-                return self._widened(place, kind)
-        raise self.refusal(node, ast.unparse(node))
+        return self._widened(*self._place(node))
 
     @staticmethod
     def _widened(place: str, kind: FieldKind) -> tuple[str, CType]:
@@ -359,6 +359,8 @@ class _Writer:
         called = ast.unparse(node.func)
         if called == "len" and len(node.args) == 1:
             return f"{self._length(node.args[0])}u", CType.COUNT
+        if called == "int" and len(node.args) == 1:
+            return f"(uint32_t)({self._expression(node.args[0])[0]})", CType.COUNT
         name = _CALLS.get((called, len(node.args)))
         if called.startswith("math."):
             name = (_IN_PREPARE if self.is_prepare else _IN_STEP).get(called[5:])
@@ -378,6 +380,8 @@ class _Writer:
                 return len(table)
             if node.value.id == "s" and node.attr in self.around.fields and self.around.fields[node.attr].is_array:
                 return len(self.around.fields[node.attr].initial)
+            if node.value.id == "k" and self.around.coefficients.get(node.attr):
+                return self.around.coefficients[node.attr]
         raise self.refusal(node, f"len({ast.unparse(node)})")
 
 

@@ -4,8 +4,10 @@
 """
 
 __all__ = [
+    "actuator_array",
     "causes",
     "compensator",
+    "influence_matrix",
     "kernels",
     "literal_model",
     "piezo_model",

@@ -22,11 +22,11 @@ from fomrc_core.errors import ParameterError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import (
-    CURRENT_WEIGHT,
     DECAY,
     FROM_CURRENT,
     FROM_PREVIOUS,
     HEADER,
+    CreepModes,
     creep_block,
     creep_modes,
     prepare_step,
@@ -57,9 +57,7 @@ class ArrayState:
 
     def copy(self) -> ArrayState:
         """Return an independent copy."""
-        return ArrayState(
-            self.is_inverse, self.plays.copy(), self.modes.copy(), self.previous_um.copy(), self.step_s
-        )
+        return ArrayState(self.is_inverse, self.plays.copy(), self.modes.copy(), self.previous_um.copy(), self.step_s)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the state as plain numbers and lists."""
@@ -109,6 +107,14 @@ class ActuatorArray:
                 where=f"models[{number}]",
                 value=", ".join(cause.name for cause in model.causes) or model.substeps.value,
                 allowed="no effects, no past, steps not divided",
+            )
+        times_s = sorted({model.shortest_time_s for model in self.models})
+        if len(times_s) > 1:
+            raise ParameterError(
+                "creep of the models does not hold from the same time on",
+                where="models, shortest_time_s",
+                value=times_s,
+                allowed="one shortest time for all",
             )
 
     def __str__(self) -> str:
@@ -259,7 +265,7 @@ class ActuatorArray:
         return known[step_s]
 
     def _new_tables(self, step_s: float) -> _StepTables:
-        block = creep_block(creep_modes(_ANY_ORDER))
+        block = creep_block(self._shared_modes)
         prepare_step(block, 0, step_s)
         n_shared = int(block[0])
         rows = block[HEADER:].reshape(-1, n_shared)
@@ -283,8 +289,12 @@ class ActuatorArray:
         return {}
 
     @cached_property
+    def _shared_modes(self) -> CreepModes:
+        return creep_modes(_ANY_ORDER, shortest_time_s=self.models[0].shortest_time_s)
+
+    @cached_property
     def _rates_per_s(self) -> Array:
-        shared = creep_modes(_ANY_ORDER).rates_per_s
+        shared = self._shared_modes.rates_per_s
         return np.concatenate((shared, np.zeros((-shared.size) % _LANES)))
 
     @cached_property

@@ -89,7 +89,10 @@ class InfluenceMatrix:
         wanted = np.asarray(targets, dtype=np.float64)
         if wanted.ndim == 0 or wanted.shape[-1] != self.n_targets:
             raise ParameterError(
-                "number of targets does not fit", where="targets", value=wanted.shape, allowed=f"(..., {self.n_targets})"
+                "number of targets does not fit",
+                where="targets",
+                value=wanted.shape,
+                allowed=f"(..., {self.n_targets})",
             )
         found: Array = wanted @ self.solution
         return found

@@ -2,8 +2,9 @@
 
 The functions of a step form are Python of a small kind, which an export copies into a Python file and translates into
 C (export/translation.py): assignments, ``if``, ``for ... in range(...)`` with ``break``, ``return``; numbers,
-comparisons, ``and``, ``or``, ``not``; ``min`` and ``max`` of two, ``abs``, ``round``, ``len``; ``math.sin``,
-``math.nan`` and ``math.exp`` of what is not positive; functions named as ``helpers``. Parameters are any of these:
+comparisons, ``and``, ``or``, ``not``; ``min`` and ``max`` of two, ``abs``, ``round``, ``len``, ``int`` of what is not
+negative; ``math.sin``, ``math.cos``, ``math.nan``, ``math.exp`` of what is not positive, ``math.log1p`` of what is not
+negative; functions named as ``helpers``. Parameters are any of these:
 
     s          fields of the state, by attribute; changed in place
     k          coefficients of the step, by attribute; ``prepare`` fills them
@@ -13,7 +14,7 @@ comparisons, ``and``, ``or``, ``not``; ``min`` and ``max`` of two, ``abs``, ``ro
     covariate  the signal the effect reads beside its input
     is_known   whether there is one
 
-``prepare`` may call ``math.expm1``, ``math.cos`` and ``math.sqrt`` as well: it runs once for each length of step.
+``prepare`` may call ``math.expm1`` and ``math.sqrt`` as well: it runs once for each length of step.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class StepForm:
     Attributes:
         constants: what does not change, by name: numbers, or tables of numbers that are not empty.
         state: what it remembers between two steps.
-        coefficients: names of what a length of step makes of the constants.
+        coefficients: names of what a length of step makes of the constants; a pair of name and size for a table.
         prepare: fills them: ``prepare(k, c, step_s)``.
         forward: returns the output for an input; at the hysteresis stage what is added to the elements' sum, for the
             warped drive. Not a number where there is none: then the chain ends there, and so does the answer.
@@ -75,19 +76,26 @@ class StepForm:
         beside: at the hysteresis stage, returns what ``forward`` would, and changes nothing.
         warp: at the hysteresis stage, returns the drive as the elements see it.
         unwarp: returns the drive ``warp`` turns into this one; not a number where there is none.
+        widening: at the hysteresis stage, returns by which factor the elements' thresholds are wider.
         helpers: functions that the others call, their parameters annotated as ``float`` or ``int``.
     """
 
     constants: tuple[tuple[str, float | tuple[float, ...]], ...] = ()
     state: tuple[StateField, ...] = ()
-    coefficients: tuple[str, ...] = ()
+    coefficients: tuple[str | tuple[str, int], ...] = ()
     prepare: StepFunction | None = None
     forward: StepFunction | None = None
     inverse: StepFunction | None = None
     beside: StepFunction | None = None
     warp: StepFunction | None = None
     unwarp: StepFunction | None = None
+    widening: StepFunction | None = None
     helpers: tuple[StepFunction, ...] = ()
+
+    @property
+    def coefficient_sizes(self) -> dict[str, int]:
+        """Size of each coefficient by its name, 0 for a number."""
+        return dict((own, 0) if isinstance(own, str) else own for own in self.coefficients)
 
 
 CLOCK_FIELDS = (
@@ -125,3 +133,16 @@ def lag_ramp(ratio: float) -> float:
     if ratio < 1e-3:
         return ratio * (0.5 - ratio * (1.0 / 6.0 - ratio * (1.0 / 24.0 - ratio / 120.0)))
     return 1.0 + math.expm1(-ratio) / ratio
+
+
+def ramp_in_step(ratio: float) -> float:
+    """Return the same as ``lag_ramp``, for a ratio that each step makes anew, without the mathematical library."""
+    if ratio > 0.25:
+        return 1.0 - (1.0 - math.exp(-ratio)) / ratio
+    # the series of the other branch, whose closed form cancels for a small ratio
+    total = 0.0
+    term = 1.0
+    for n in range(11):
+        term = term * -ratio / (n + 2.0)
+        total = total - term
+    return total

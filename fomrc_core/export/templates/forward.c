@@ -25,6 +25,9 @@ static real forward_part(piezo_forward *state, const coefficients *k, real value
 {
 @insert forward_drive
     real moved, history;
+@if widened
+    real widening = R(1.0);
+@end
 @insert forward_hysteresis
     history = creep_history(k, state->modes, state->previous);
 @if float
@@ -49,8 +52,15 @@ static real forward_parts(piezo_forward *state, const coefficients *k, real driv
     const real size = most(drive_v - before_v, before_v - drive_v);
     state->bend = most(BEND_AFTER * size, BEND_FADES * state->bend);
 @end
+@if held
+    (void)part_v;
+    for (int i = 1; i < n_parts; i++) (void)forward_part(state, k, before_v, part_s);
+    return forward_part(state, k, R(0.5) * (before_v + drive_v), part_s); /* the sample reads the jump half done */
+@end
+@if not held
     for (int i = 1; i < n_parts; i++) (void)forward_part(state, k, before_v + part_v * (real)i, part_s);
     return forward_part(state, k, drive_v, part_s);
+@end
 }
 @end
 
@@ -71,7 +81,12 @@ real piezo_forward_step(piezo_forward *state, real voltage_v, real step_s)
 @end
 @if not substeps
         prepare(&k, step_s);
+@if held
+        value = forward_part(state, &k, R(0.5) * (state->voltage_v + drive_v), step_s);
+@end
+@if not held
         value = forward_part(state, &k, drive_v, step_s);
+@end
 @end
         state->voltage_v = drive_v;
     }
@@ -95,7 +110,12 @@ real piezo_forward_step_fixed(piezo_forward *state, real voltage_v)
         value = forward_parts(state, fixed_for(n_parts), drive_v, step_s, n_parts);
 @end
 @if not substeps
+@if held
+        value = forward_part(state, &FIXED_1, R(0.5) * (state->voltage_v + drive_v), step_s);
+@end
+@if not held
         value = forward_part(state, &FIXED_1, drive_v, step_s);
+@end
 @end
         state->voltage_v = drive_v;
     }

@@ -123,12 +123,30 @@ static void prepare(coefficients *k, real step_s)
 @if plays
 
 /* Hysteresis from voltage to displacement: a sum of play operators. Two sums: the processor need not wait for one. */
+@if plain_plays
 static real move_plays(real *plays, real value)
 {
     real even = PLAY_SLOPE * value, odd = R(0.0);
     for (size_t j = 0; j < N_PLAYS; j += 2) {
         plays[j] = least(most(plays[j], value - PLAY_THRESHOLD[j]), value + PLAY_THRESHOLD[j]);
         plays[j + 1] = least(most(plays[j + 1], value - PLAY_THRESHOLD[j + 1]), value + PLAY_THRESHOLD[j + 1]);
+        even += PLAY_WEIGHT[j] * plays[j];
+        odd += PLAY_WEIGHT[j + 1] * plays[j + 1];
+    }
+    return even + odd;
+}
+@end
+@end
+@if widened
+
+/* The same with all thresholds wider by a factor. */
+static real move_widened_plays(real *plays, real value, real factor)
+{
+    real even = PLAY_SLOPE * value, odd = R(0.0);
+    for (size_t j = 0; j < N_PLAYS; j += 2) {
+        const real first = factor * PLAY_THRESHOLD[j], second = factor * PLAY_THRESHOLD[j + 1];
+        plays[j] = least(most(plays[j], value - first), value + first);
+        plays[j + 1] = least(most(plays[j + 1], value - second), value + second);
         even += PLAY_WEIGHT[j] * plays[j];
         odd += PLAY_WEIGHT[j + 1] * plays[j + 1];
     }

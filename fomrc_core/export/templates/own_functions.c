@@ -53,15 +53,16 @@ static double exponential(double x)
 }
 
 @end
-@if sine
-/* The sine: less quarter turns, taken off in three pieces, then a series for what is at most pi / 4. */
-static double sine(double x)
+@if wave
+/* The sine of an angle more quarter turns: whole quarter turns taken off in three pieces, then a series for what is at
+   most pi / 4. */
+static double wave(double x, double quarters)
 {
     const double turns = rounded(x * 0.63661977236758134);
     double rest = ((x - turns * 1.57079632673412561417e+00) - turns * 6.07710050630396597660e-11) -
                   turns * 2.02226624879595063154e-21;
-    const double quarter = turns - 4.0 * rounded(turns * 0.25 - 0.375);
-    double square, sum;
+    double quarter = turns + quarters, square, sum;
+    quarter -= 4.0 * rounded(quarter * 0.25 - 0.375);
     if (!(rest > -1.0 && rest < 1.0)) rest = 0.0; /* so far out that a double has no angle any more */
     square = rest * rest;
     if (quarter == 0.0 || quarter == 2.0) {
@@ -82,5 +83,50 @@ static double sine(double x)
         sum = 1.0 - 0.5 * square + square * square * sum;
     }
     return quarter >= 2.0 ? -sum : sum;
+}
+
+@end
+@if sine
+static double sine(double x)
+{
+    return wave(x, 0.0);
+}
+
+@end
+@if cosine
+static double cosine(double x)
+{
+    return wave(x, 1.0);
+}
+
+@end
+@if logarithm
+/* The natural logarithm of 1 + x of what is not negative: a power of two taken off, then twice the area tangent. */
+static double logarithm(double x)
+{
+    double share, square, sum = 0.0, power = 0.0;
+    if (!(x >= 0.0)) return (double)NAN;
+    if (x > 1.0e300) x = 1.0e300;
+    if (x < 0.4) {
+        share = x / (2.0 + x);
+    } else {
+        double number = 1.0 + x;
+        for (int n = 9; n >= 0; n--) {
+            static const double POWERS[10] = {2.0, 4.0, 16.0, 256.0, 65536.0, 4294967296.0, 18446744073709551616.0,
+                3.402823669209385e+38, 1.157920892373162e+77, 1.3407807929942597e+154};
+            if (number >= POWERS[n]) {
+                number /= POWERS[n];
+                power += (double)(1 << n);
+            }
+        }
+        if (number > 1.4142135623730951) {
+            number *= 0.5;
+            power += 1.0;
+        }
+        share = (number - 1.0) / (number + 1.0);
+    }
+    square = share * share;
+    for (int n = 12; n >= 0; n--) sum = 1.0 / (double)(2 * n + 1) + square * sum;
+    return power * 6.93147180369123816490e-01 + (power * 1.90821492927058770002e-10 + 2.0 * share * sum);
 }
 @end
