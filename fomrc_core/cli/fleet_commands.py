@@ -1,4 +1,4 @@
-"""``fomrc identify-fleet`` and ``fomrc diagnose-fleet``: one model, or one diagnosis, for each recording of a folder."""
+"""``fomrc identify-fleet`` and ``diagnose-fleet``: one model, or one diagnosis, for each recording of a folder."""
 
 from __future__ import annotations
 

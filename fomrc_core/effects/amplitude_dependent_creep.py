@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, run_modes
+from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _creep_by_square(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    # ``run_modes`` of the displacement times its size
+    square = value * abs(value)
+    total = value
+    for j in range(len(c.rates)):
+        mode = s.modes[j] + (k.ramp[j] * square + (k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
+        s.modes[j] = mode
+        total = total + c.gains[j] * mode
+    s.before = square
+    return total
 
 
 @dataclass(frozen=True)
@@ -67,6 +80,12 @@ class AmplitudeDependentCreep(Effect):
             squares = np.ascontiguousarray(2.0 * np.abs(values) * changes[:, column])
             passed[:, column] += self._crept(self.initial_state(), squares, steps_s)
         return np.asarray(passed)
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        rates, gains = logarithmic_modes(self.onset_s)
+        form = modes_form(rates, gains * (self.per_decade_per_um / math.log(10.0)), 0.0, is_inverted=False)
+        return replace(form, forward=_creep_by_square)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[AmplitudeDependentCreep]:

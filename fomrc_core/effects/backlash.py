@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 
 @compiled
@@ -45,6 +46,21 @@ def _pass_changes(half_gap: float, values: Array, changes: Array, out: Array) ->
                 out[k, j] = changes[k, j]
             else:
                 out[k, j] = out[k - 1, j] if k > 0 else 0.0
+
+
+def _wait(s: Fields, c: Fields, value: float) -> Number:
+    s.position = min(max(s.position, value - c.half_gap), value + c.half_gap)
+    return s.position
+
+
+def _cross(s: Fields, c: Fields, value: float) -> Number:
+    if value != s.position:
+        s.is_risen = 1 if value > s.position else 0
+        s.has_moved = 1
+        s.position = value
+    if s.has_moved == 0:
+        return value
+    return value + (c.half_gap if s.is_risen == 1 else -c.half_gap)
 
 
 @dataclass(frozen=True)
@@ -99,6 +115,19 @@ class Backlash(Effect):
         passed = np.empty_like(changes)
         _pass_changes(0.5 * self.gap_um, values, changes, passed)
         return passed
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("half_gap", 0.5 * self.gap_um),),
+            state=(
+                StateField("position", comment="[um]"),
+                StateField("is_risen", kind=FieldKind.COUNT, comment="whether it last rose, for the inverse"),
+                StateField("has_moved", kind=FieldKind.COUNT, comment="whether it ever moved, for the inverse"),
+            ),
+            forward=_wait,
+            inverse=_cross,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Backlash]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.linear_modes import modes_at_rest, run_modes, undo_modes
+from fomrc_core.effects.base.linear_modes import modes_at_rest, modes_form, run_modes, undo_modes
+from fomrc_core.effects.base.step_form import StepForm
 
 _SHORTEST_SAMPLES = 5.0  # leaks away faster: it never was there
 
@@ -53,6 +54,11 @@ class ChargeLeak(Effect):
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether the leak leaves the drive some samples to act in."""
         return self.time_constant_s >= _SHORTEST_SAMPLES * step_s
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        rates = np.array([1.0 / self.time_constant_s])
+        return modes_form(rates, np.array([-1.0]), 1.0, is_inverted=True)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[ChargeLeak]:

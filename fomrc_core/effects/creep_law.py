@@ -10,7 +10,8 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, run_modes, undo_modes
+from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes, undo_modes
+from fomrc_core.effects.base.step_form import StepForm
 
 _SHARES = ("first_share", "second_share", "third_share")
 _TIMES = ("first_s", "second_s", "third_s")
@@ -92,6 +93,10 @@ class CreepLaw(Effect):
         pairs = zip(_SHARES, _TIMES, strict=True)
         times_s = [getattr(self, time) for share, time in pairs if getattr(self, share) != 0.0]
         return all(_SHORTEST_SAMPLES * step_s <= time <= _LONGEST * duration_s for time in times_s)
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return modes_form(*self._modes(), 1.0, is_inverted=True)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CreepLaw]:

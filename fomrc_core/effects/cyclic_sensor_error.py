@@ -12,6 +12,7 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.spectra import Spectrum
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 
 _TERMS = ("sine_um", "cosine_um", "second_sine_um", "second_cosine_um")
 _LEAST_CYCLES = 4.0  # over the stroke: a longer one is a curved scale
@@ -41,6 +42,12 @@ def _slopes(period: float, terms: Array, values: Array, out: Array) -> None:
             turned = wave * values[k]
             slope += wave * (terms[2 * harmonic] * math.cos(turned) - terms[2 * harmonic + 1] * math.sin(turned))
         out[k] = slope
+
+
+def _misread(c: Fields, value: float) -> Number:
+    phase = 6.283185307179586 * (value / c.period_um)
+    error = c.sine_um * math.sin(phase) + c.cosine_um * math.cos(phase)
+    return value + error + (c.second_sine_um * math.sin(2.0 * phase) + c.second_cosine_um * math.cos(2.0 * phase))
 
 
 @dataclass(frozen=True)
@@ -113,6 +120,12 @@ class CyclicSensorError(Effect):
     def smallest_detectable_of_rms(cls, rms_um: float) -> dict[str, float]:
         """Return the size of a sine of this rms [um]."""
         return {"sine_um": float(np.sqrt(2.0) * rms_um)}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=tuple((name, getattr(self, name)) for name in ("period_um", *_TERMS)), forward=_misread
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CyclicSensorError]:

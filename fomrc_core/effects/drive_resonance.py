@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +11,8 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.ringing import ringing_peaks_hz
-from fomrc_core.effects.base.second_order import run_second_order
+from fomrc_core.effects.base.second_order import run_second_order, second_order_form
+from fomrc_core.effects.base.step_form import StepForm
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class DriveResonance(Effect):
         out = np.empty(values.size)
         run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return second_order_form(2.0 * math.pi * self.frequency_hz, self.damping_ratio)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DriveResonance]:

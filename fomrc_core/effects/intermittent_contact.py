@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 _N_PLACES = 13  # across the stroke, so close that the jump of a trial falls near that of a contact
 _FAR = 0.2  # of the adhesion
@@ -28,6 +29,16 @@ def _run_contact(state: Array, contact: float, adhesion: float, share: float, va
             touches = 0.0
         out[k] = values[k] - share * (values[k] - contact) if touches != 0.0 else values[k]
     state[0] = touches
+
+
+def _touch(s: Fields, c: Fields, value: float) -> Number:
+    if value >= c.contact_um:
+        s.touches = 1
+    elif value < c.contact_um - c.adhesion_um:
+        s.touches = 0
+    if s.touches == 0:
+        return value
+    return value - c.stiffness_share * (value - c.contact_um)
 
 
 @dataclass(frozen=True)
@@ -90,6 +101,18 @@ class IntermittentContact(Effect):
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return the share of the motion data would just have shown at this contact."""
         return {"stiffness_share": min(self.stiffness_share * factor, 1.0)}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(
+                ("contact_um", self.contact_um),
+                ("adhesion_um", self.adhesion_um),
+                ("stiffness_share", self.stiffness_share),
+            ),
+            state=(StateField("touches", kind=FieldKind.COUNT, comment="whether the stage touches"),),
+            forward=_touch,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[IntermittentContact]:

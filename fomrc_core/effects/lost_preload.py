@@ -9,6 +9,15 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+
+def _bend(c: Fields, value: float) -> Number:
+    return value + c.slope_change * min(value - c.kink_um, 0.0)
+
+
+def _unbend(c: Fields, value: float) -> Number:
+    return value - min(value - c.kink_um, 0.0) * (c.slope_change / (1.0 + c.slope_change))
 
 
 @dataclass(frozen=True)
@@ -59,6 +68,12 @@ class LostPreload(Effect):
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return the change of slope data would just have shown at this kink."""
         return {"slope_change": abs(self.slope_change) * factor}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("kink_um", self.kink_um), ("slope_change", self.slope_change)), forward=_bend, inverse=_unbend
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[LostPreload]:

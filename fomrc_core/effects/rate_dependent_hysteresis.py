@@ -9,9 +9,16 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 
 _USUAL = 0.9  # quantile of the drive's rates that are not zero: jumps are faster, but few
 _TRIAL_WIDENING = 0.02  # of the thresholds at the usual rate: the response is still in proportion
+
+
+def _widen(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    rate = abs(value - s.before) / step_s
+    s.before = value
+    return 1.0 + c.per_v_per_s * rate
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,14 @@ class RateDependentHysteresis(Effect):
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return that nothing is added to the elements' sum, shape (n_samples,)."""
         return np.zeros(values.size)
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("per_v_per_s", self.per_v_per_s),),
+            state=(StateField("before", comment="drive of the step before [V]"),),
+            widening=_widen,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[RateDependentHysteresis]:

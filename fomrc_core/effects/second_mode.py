@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,9 +11,24 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.ringing import ringing_peaks_hz
-from fomrc_core.effects.base.second_order import run_second_order
+from fomrc_core.effects.base.second_order import run_second_order, second_order_form
+from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 
 _HALF = 0.5  # of the motion: a mode that takes more of it is the stage's first, ``mechanical_resonance``
+
+
+def _swing_beside(s: Fields, k: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The step of second_order.py, of which a share is taken.
+    sigma = c.damping * c.omega
+    damped = c.omega * c.root
+    slope = (value - s.before) / step_s
+    lag = 2.0 * c.damping / c.omega * slope
+    p = s.position - (s.before - lag)
+    q = (s.velocity - slope + sigma * p) / damped
+    s.velocity = slope + k.decay * (-sigma * (p * k.cosine + q * k.sine) + damped * (q * k.cosine - p * k.sine))
+    s.position = value - lag + k.decay * (p * k.cosine + q * k.sine)
+    s.before = value
+    return value + c.participation * (s.position - value)
 
 
 @dataclass(frozen=True)
@@ -63,6 +79,11 @@ class SecondMode(Effect):
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether the mode rings within the band, where records show it as one."""
         return self.frequency_hz * step_s <= 0.5
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        form = second_order_form(2.0 * math.pi * self.frequency_hz, self.damping_ratio)
+        return replace(form, constants=(*form.constants, ("participation", self.participation)), forward=_swing_beside)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SecondMode]:

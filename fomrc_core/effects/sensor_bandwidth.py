@@ -9,7 +9,8 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
+from fomrc_core.effects.base.linear_modes import pairs_at_rest, pairs_form, run_pairs
+from fomrc_core.effects.base.step_form import StepForm
 
 _MOST_POLES = 4
 
@@ -59,6 +60,10 @@ class SensorBandwidth(Effect):
         poles, gains = butterworth_modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))
         run_pairs(state, poles, gains, values, steps_s, out)
         return out
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return pairs_form(*butterworth_modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles)))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SensorBandwidth]:

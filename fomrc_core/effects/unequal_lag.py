@@ -12,6 +12,7 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 
 @compiled
@@ -37,6 +38,31 @@ def _run_unequal(state: Array, rising_s: float, falling_s: float, values: Array,
         before = now
         out[k] = output
     state[0], state[1] = output, before
+
+
+def _follow(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The loop of _run_unequal, once.
+    slope = (value - s.before) / step_s
+    gap = s.before - s.output
+    left = step_s
+    is_rising = 1 if gap > 0.0 or (gap == 0.0 and slope > 0.0) else 0
+    time_constant_s = c.rising_s if is_rising == 1 else c.falling_s
+    if gap * slope < 0.0:
+        until_s = time_constant_s * math.log1p(-gap / (slope * time_constant_s))
+        if until_s < step_s:
+            left = step_s - until_s
+            gap = 0.0
+            time_constant_s = c.falling_s if is_rising == 1 else c.rising_s
+    ratio = left / time_constant_s
+    s.output = value - (math.exp(-ratio) * gap + (1.0 - ramp_in_step(ratio)) * slope * left)
+    s.before = value
+    return s.output
+
+
+def _lead(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    change = value - s.before
+    s.before = value
+    return value + (c.rising_s if change > 0.0 else c.falling_s) * change / step_s
 
 
 @dataclass(frozen=True)
@@ -81,6 +107,19 @@ class UnequalLag(Effect):
         state[0] = state[1] = values[-1]
         change = values - before
         return values + np.where(change > 0.0, self.rising_s, self.falling_s) * change / steps_s
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(("rising_s", self.rising_s), ("falling_s", self.falling_s)),
+            state=(
+                StateField("output", kind=FieldKind.WIDE, comment="of the step before [V]"),
+                StateField("before", comment="its input [V]"),
+            ),
+            forward=_follow,
+            inverse=_lead,
+            helpers=(ramp_in_step,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[UnequalLag]:

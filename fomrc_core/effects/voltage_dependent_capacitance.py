@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,7 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
 _BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
@@ -44,6 +46,38 @@ def _run_capacitance(
         before = now
         out[k] = output
     state[0], state[1] = output, before
+
+
+def _charge(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    # The loop of _run_capacitance, once.
+    capacitance = max(1.0 + c.per_v * s.output, c.least_capacitance)
+    decay = math.exp(-step_s / (c.time_constant_s * capacitance))
+    reach = max(abs(s.before - s.output), abs(value - s.output)) * (1.0 - decay)
+    n_parts = int(min(1.0 + abs(c.per_v) * reach / c.bend, c.most_parts))
+    part = step_s / n_parts
+    rise = (value - s.before) / n_parts
+    output = s.output
+    for j in range(n_parts):
+        first = s.before + j * rise
+        last = s.before + (j + 1) * rise
+        ratio = part / (c.time_constant_s * max(1.0 + c.per_v * output, c.least_capacitance))
+        decay = math.exp(-ratio)
+        ramp = ramp_in_step(ratio)
+        guess = decay * output + (1.0 - decay - ramp) * first + ramp * last
+        ratio = part / (c.time_constant_s * max(1.0 + c.per_v * 0.5 * (output + guess), c.least_capacitance))
+        decay = math.exp(-ratio)
+        ramp = ramp_in_step(ratio)
+        output = decay * output + (1.0 - decay - ramp) * first + ramp * last
+    s.output = output
+    s.before = value
+    return s.output
+
+
+def _lead(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    capacitance = max(1.0 + c.per_v * value, c.least_capacitance)
+    led = value + c.time_constant_s * capacitance * (value - s.before) / step_s
+    s.before = value
+    return led
 
 
 @dataclass(frozen=True)
@@ -89,6 +123,25 @@ class VoltageDependentCapacitance(Effect):
     def scale_of(self, name: str, value: float) -> float:
         """Return a unit for a capacitance that does not change."""
         return abs(value) if value != 0.0 else 1e-3
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        return StepForm(
+            constants=(
+                ("time_constant_s", self.time_constant_s),
+                ("per_v", self.per_v),
+                ("least_capacitance", _LEAST_CAPACITANCE),
+                ("bend", _BEND),
+                ("most_parts", float(_MOST_PARTS)),
+            ),
+            state=(
+                StateField("output", kind=FieldKind.WIDE, comment="of the step before [V]"),
+                StateField("before", comment="its input [V]"),
+            ),
+            forward=_charge,
+            inverse=_lead,
+            helpers=(ramp_in_step,),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[VoltageDependentCapacitance]:

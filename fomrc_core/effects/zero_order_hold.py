@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 _MOST_SAMPLES = 20  # held longer, each level is seen in the displacement itself
 _N_TRIALS = 2
@@ -25,6 +26,15 @@ def _run_hold(state: Array, hold_s: float, values: Array, steps_s: Array, out: A
         if state[2] == 0.0 or state[1] >= hold_s - 0.5 * steps_s[k]:
             state[0], state[1], state[2] = values[k], 0.0, 1.0
         out[k] = state[0]
+
+
+def _hold(s: Fields, c: Fields, value: float, step_s: float) -> Number:
+    s.since = s.since + step_s
+    if s.has_taken == 0 or s.since >= c.hold_s - 0.5 * step_s:
+        s.held = value
+        s.since = 0.0
+        s.has_taken = 1
+    return s.held
 
 
 @dataclass(frozen=True)
@@ -78,6 +88,20 @@ class ZeroOrderHold(Effect):
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a hold is a number of samples, of which none is smaller than one."""
         return {}
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        if not self.holds:
+            return StepForm()
+        return StepForm(
+            constants=(("hold_s", self.hold_s),),
+            state=(
+                StateField("held", comment="[V]"),
+                StateField("since", kind=FieldKind.WIDE, comment="time since it was taken [s]"),
+                StateField("has_taken", kind=FieldKind.COUNT, comment="whether there is one"),
+            ),
+            forward=_hold,
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[ZeroOrderHold]:

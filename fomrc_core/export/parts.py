@@ -26,6 +26,7 @@ class EffectPart:
         form: its step.
         covariate: name of the signal it reads, empty for none.
         is_inverted: whether the inverse undoes it.
+        is_holding: whether it makes the drive stand still between samples.
     """
 
     name: str
@@ -33,6 +34,7 @@ class EffectPart:
     form: StepForm
     covariate: str
     is_inverted: bool
+    is_holding: bool
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,9 @@ def effect_parts(model: PiezoModel, options: ExportOptions) -> tuple[tuple[Effec
             continue
         is_inverted = effect.can_invert and _has_inverse(effect.stage, form)
         covariate = "" if effect.covariate is None else effect.covariate.value
-        parts.append(EffectPart(effect.name, effect.stage, form, covariate, is_inverted and options.is_inverse))
+        is_holding = effect.stage is Stage.SAMPLED_DRIVE and effect.holds
+        is_undone = is_inverted and options.is_inverse
+        parts.append(EffectPart(effect.name, effect.stage, form, covariate, is_undone, is_holding))
         if not is_inverted and options.is_inverse:
             left_out.append(LeftOut(effect.name, effect.inverse_note, of_inverse=True))
     if model.start is not None and options.is_inverse:

@@ -80,7 +80,7 @@ class ExportPlan:
     @property
     def is_held(self) -> bool:
         """Whether the drive stands still between samples."""
-        return any(effect.holds for effect in self.model.effects if effect.stage is Stage.SAMPLED_DRIVE)
+        return any(part.is_holding for part in self.parts)
 
     @property
     def is_beside(self) -> bool:

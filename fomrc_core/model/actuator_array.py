@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.compute.compiled import compiled_sums
 from fomrc_core.errors import ParameterError
+from fomrc_core.model.array_kernels import compensate_array, simulate_array
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import (
@@ -157,7 +157,8 @@ class ActuatorArray:
             raise ParameterError(
                 "number of values does not fit", where="values", value=given.shape, allowed=f"({self.n_actuators},)"
             )
-        return self._run(state, np.array([step_s]), given[None, :])[0]
+        answer: Array = self._run(state, np.array([step_s]), given[None, :])[0]
+        return answer
 
     def simulate(self, steps_s: Array, voltage_v: Array, state: ArrayState | None = None) -> Array:
         """Return the displacement [um] of every actuator at each sample, shape (n_samples, n_actuators).
@@ -202,7 +203,8 @@ class ActuatorArray:
             )
         if not (math.isfinite(step_s) and step_s >= 0.0 and all(np.all(np.isfinite(array)) for array in arrays)):
             raise ParameterError("saved state holds values that are not finite", where=where, allowed="finite")
-        return ArrayState(is_inverse, *arrays, step_s)
+        plays, modes, previous_um = arrays
+        return ArrayState(is_inverse, plays, modes, previous_um, step_s)
 
     def _state_for(self, state: ArrayState | None, is_inverse: bool) -> ArrayState:
         if state is None:
@@ -229,7 +231,7 @@ class ActuatorArray:
         if not np.all(np.isfinite(given)):
             raise ParameterError("value is not finite", where="values", allowed="finite numbers")
         out = np.empty_like(given)
-        kernel = _compensate if state.is_inverse else _simulate
+        kernel = compensate_array if state.is_inverse else simulate_array
         slopes, thresholds, weights = self._form(state.is_inverse)
         start = 0
         while start < steps.size:
@@ -332,75 +334,3 @@ class ActuatorArray:
             thresholds[row, : form.thresholds.size] = form.thresholds
             weights[row, : form.weights.size] = form.weights
         return np.array([form.slope for form in forms]), thresholds, weights
-
-
-@compiled_sums
-def _simulate(
-    slopes: Array,
-    thresholds: Array,
-    weights: Array,
-    plays: Array,
-    decays: Array,
-    weighted: Array,
-    held: Array,
-    now: Array,
-    modes: Array,
-    previous: Array,
-    values: Array,
-    out: Array,
-) -> None:
-    # Many arguments: a compiled kernel takes arrays, and packing them would copy what is to be changed in place.
-    n_plays, n_modes = plays.shape[1], modes.shape[1]
-    for k in range(values.shape[0]):
-        for i in range(values.shape[1]):
-            value, before = values[k, i], previous[i]
-            play, threshold, weight = plays[i], thresholds[i], weights[i]
-            moved = 0.0
-            for j in range(n_plays):
-                at = min(max(play[j], value - threshold[j]), value + threshold[j])
-                play[j] = at
-                moved += weight[j] * at
-            moved += slopes[i] * value
-            mode, share = modes[i], weighted[i]
-            history = 0.0
-            for j in range(n_modes):
-                history += share[j] * mode[j]
-                mode[j] = decays[j] * mode[j] + before
-            out[k, i] = now[i] * moved + (held[i] * before + history)
-            previous[i] = moved
-
-
-@compiled_sums
-def _compensate(
-    slopes: Array,
-    thresholds: Array,
-    weights: Array,
-    plays: Array,
-    decays: Array,
-    weighted: Array,
-    held: Array,
-    now: Array,
-    modes: Array,
-    previous: Array,
-    values: Array,
-    out: Array,
-) -> None:
-    # Many arguments, as _simulate.
-    n_plays, n_modes = plays.shape[1], modes.shape[1]
-    for k in range(values.shape[0]):
-        for i in range(values.shape[1]):
-            before = previous[i]
-            mode, share = modes[i], weighted[i]
-            history = 0.0
-            for j in range(n_modes):
-                history += share[j] * mode[j]
-                mode[j] = decays[j] * mode[j] + before
-            value = (values[k, i] - (held[i] * before + history)) / now[i]
-            play, threshold, weight = plays[i], thresholds[i], weights[i]
-            voltage = 0.0
-            for j in range(n_plays):
-                stop = min(max(value - play[j], -threshold[j]), threshold[j])
-                play[j] = value - stop
-                voltage += weight[j] * stop
-            out[k, i] = voltage + slopes[i] * value
-            previous[i] = value

@@ -3,4 +3,8 @@
 Nothing is computed here that a number elsewhere depends on.
 """
 
-__all__ = ["diagnosis_files", "fit_results"]
+__all__ = [
+    "diagnosis_files",
+    "diagnosis_fleet",
+    "fit_results",
+]

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.diagnosis.diagnosis import Status, diagnose
+from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.report.diagnosis_files import write_report
 from fomrc_core.storage import make_directory, read_recording, write_text

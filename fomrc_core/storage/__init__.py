@@ -21,6 +21,7 @@ __all__ = [
     "read_model",
     "read_recording",
     "read_target",
+    "record_work",
     "told_columns",
     "write_bag",
     "write_columns",

@@ -15,6 +15,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
 _SERIES_LIMIT = 0.1  # of rate times step: below it the closed form of the ramp cancels
 _N_SERIES = 9
@@ -148,3 +149,112 @@ def logarithmic_modes(onset_s: float) -> tuple[Array, Array]:
     folds = np.arange(_LOGARITHMIC_FIRST, _LOGARITHMIC_LAST)
     rates_onset = np.exp(-folds.astype(np.float64))
     return rates_onset / onset_s, np.exp(-rates_onset)
+
+
+def modes_form(rates_per_s: Array, gains: Array, through: float, *, is_inverted: bool) -> StepForm:
+    """Return ``run_modes``, and where wanted ``undo_modes``, a sample at a time, for a controller."""
+    return StepForm(
+        constants=(("rates", tuple(rates_per_s.tolist())), ("gains", tuple(gains.tolist())), ("through", through)),
+        state=(
+            StateField("modes", (0.0,) * rates_per_s.size, FieldKind.WIDE, is_array=True),
+            StateField("before", comment="input of the step before"),
+        ),
+        coefficients=(("gone", rates_per_s.size), ("ramp", rates_per_s.size), "share"),
+        prepare=_prepare_modes,
+        forward=_follow_modes,
+        inverse=_undo_modes if is_inverted else None,
+        helpers=(lag_ramp,),
+    )
+
+
+def _prepare_modes(k: Fields, c: Fields, step_s: float) -> None:
+    share = c.through
+    for j in range(len(c.rates)):
+        k.gone[j] = -math.expm1(-step_s * c.rates[j])
+        k.ramp[j] = lag_ramp(step_s * c.rates[j])
+        share = share + c.gains[j] * k.ramp[j]
+    k.share = share
+
+
+def _follow_modes(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    total = c.through * value
+    for j in range(len(c.rates)):
+        mode = s.modes[j] + (k.ramp[j] * value + (k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
+        s.modes[j] = mode
+        total = total + c.gains[j] * mode
+    s.before = value
+    return total
+
+
+def _undo_modes(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    known = 0.0
+    for j in range(len(c.rates)):
+        mode = s.modes[j] + ((k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
+        s.modes[j] = mode
+        known = known + c.gains[j] * mode
+    now = (value - known) / k.share
+    for j in range(len(c.rates)):
+        s.modes[j] = s.modes[j] + k.ramp[j] * now
+    s.before = now
+    return now
+
+
+def pairs_form(poles_per_s: Array, gains: Array) -> StepForm:
+    """Return ``run_pairs``, a sample at a time, for a controller."""
+    n_pairs = poles_per_s.shape[0]
+    (pole_re, pole_im), (gain_re, gain_im) = poles_per_s.T.tolist(), gains.T.tolist()
+    return StepForm(
+        constants=(
+            ("pole_re", tuple(pole_re)),
+            ("pole_im", tuple(pole_im)),
+            ("gain_re", tuple(gain_re)),
+            ("gain_im", tuple(gain_im)),
+        ),
+        state=(
+            StateField("re", (0.0,) * n_pairs, FieldKind.WIDE, is_array=True, comment="real parts of the modes"),
+            StateField("im", (0.0,) * n_pairs, FieldKind.WIDE, is_array=True, comment="imaginary parts"),
+            StateField("before", comment="input of the step before"),
+        ),
+        coefficients=tuple((name, n_pairs) for name in ("decay_re", "decay_im", "ramp_re", "ramp_im")),
+        prepare=_prepare_pairs,
+        forward=_follow_pairs,
+    )
+
+
+def _prepare_pairs(k: Fields, c: Fields, step_s: float) -> None:
+    # _pair_weights of each pole
+    for j in range(len(c.pole_re)):
+        x = c.pole_re[j] * step_s
+        y = c.pole_im[j] * step_s
+        k.decay_re[j] = math.exp(x) * math.cos(y)
+        k.decay_im[j] = math.exp(x) * math.sin(y)
+        square = x * x + y * y
+        if square > 0.01:
+            a = k.decay_re[j] - 1.0
+            k.ramp_re[j] = 1.0 - (a * x + k.decay_im[j] * y) / square
+            k.ramp_im[j] = -(k.decay_im[j] * x - a * y) / square
+        else:
+            power_re = 1.0
+            power_im = 0.0
+            k.ramp_re[j] = 0.0
+            k.ramp_im[j] = 0.0
+            for n in range(8):
+                former = power_re
+                power_re = (power_re * x - power_im * y) / (n + 2.0)
+                power_im = (former * y + power_im * x) / (n + 2.0)
+                k.ramp_re[j] = k.ramp_re[j] - power_re
+                k.ramp_im[j] = k.ramp_im[j] - power_im
+
+
+def _follow_pairs(s: Fields, k: Fields, c: Fields, value: float) -> Number:
+    total = 0.0
+    for j in range(len(c.pole_re)):
+        re = k.decay_re[j] * s.re[j] - k.decay_im[j] * s.im[j]
+        im = k.decay_re[j] * s.im[j] + k.decay_im[j] * s.re[j]
+        re = re + (1.0 - k.decay_re[j] - k.ramp_re[j]) * s.before + k.ramp_re[j] * value
+        im = im - (k.decay_im[j] + k.ramp_im[j]) * s.before + k.ramp_im[j] * value
+        s.re[j] = re
+        s.im[j] = im
+        total = total + (c.gain_re[j] * re - c.gain_im[j] * im)
+    s.before = value
+    return total

@@ -1,4 +1,4 @@
-"""The loop in C and the core of the ros2_control page: taken as they stand, compiled with an exported model, and run."""
+"""The loop in C and the core of the ros2_control page: taken as they stand, compiled with an exported model, run."""
 
 from __future__ import annotations
 

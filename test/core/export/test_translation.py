@@ -20,7 +20,7 @@ FORM = StepForm(
         StateField("count", kind=FieldKind.COUNT),
         StateField("line", (0.0,) * 3, is_array=True),
     ),
-    coefficients=("decay",),
+    coefficients=("decay", ("shares", 2)),
 )
 AROUND = Surroundings.of("thing", FORM)
 
@@ -133,10 +133,13 @@ def test_marks_of_a_template_fit_each_other() -> None:
 
 
 def test_the_sine_and_the_exponential_of_the_file_are_those_of_the_library(tmp_path) -> None:
-    own = render(read_template("own_functions.c"), "stage", {"rounded", "exponential", "sine"}, {})
+    own = render(
+        read_template("own_functions.c"), "stage", {"rounded", "exponential", "wave", "sine", "cosine", "logarithm"}, {}
+    )
     (tmp_path / "own.c").write_text(
         "#include <math.h>\n#include <stdint.h>\n#include <stdio.h>\n" + own + "int main(void) {\ndouble x;\n"
-        'while (scanf("%lf", &x) == 1) printf("%.17g %.17g\\n", sine(x), exponential(x > 0.0 ? -x : x));\n'
+        'while (scanf("%lf", &x) == 1) printf("%.17g %.17g %.17g %.17g\\n", sine(x), exponential(x > 0.0 ? -x : x),\n'
+        "cosine(x), logarithm(x < 0.0 ? -x : x));\n"
         "return 0;\n}\n"
     )
     program = str(tmp_path / "own")
@@ -149,5 +152,7 @@ def test_the_sine_and_the_exponential_of_the_file_are_those_of_the_library(tmp_p
     done = subprocess.run([program], input=given, capture_output=True, text=True, check=True)
     answers = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
     assert np.max(np.abs(answers[:, 0] - np.sin(x))) <= 3e-16
+    assert np.max(np.abs(answers[:, 2] - np.cos(x))) <= 3e-16
+    assert np.max(np.abs(answers[:, 3] - np.log1p(np.abs(x))) / np.maximum(np.log1p(np.abs(x)), 1e-300)) <= 5e-16
     exact = np.exp(-np.abs(x))
     assert np.max(np.abs(answers[:, 1] - exact) / np.maximum(exact, 1e-280)) <= 2e-15
