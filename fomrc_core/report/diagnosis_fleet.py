@@ -22,7 +22,10 @@ from fomrc_core.storage.record_work import RecordWork, WorkProgress, work_on
 RESULT_SUFFIX = ".diagnosis.json"
 REPORT_SUFFIX = ".diagnosis"  # a folder
 TABLE_NAME = "fleet.csv"
-_HEAD = ("recording", "status", "causes", "main_parameters", "nrmse_percent_before", "nrmse_percent_after", "next")
+_HEAD = (
+    *("recording", "status", "causes", "main_parameters", "ambiguous_with"),
+    *("nrmse_percent_before", "nrmse_percent_after", "next"),
+)
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class DiagnosedRecord:
         nrmse_percent_before: held-out error of hysteresis and creep alone [%]; NaN where there is none.
         nrmse_percent_after: held-out error with what was found [%].
         next_experiment: what to measure next.
+        ambiguous_with: causes the last one found cannot be told from.
     """
 
     name: str
@@ -61,13 +65,15 @@ class DiagnosedRecord:
     nrmse_percent_before: float = math.nan
     nrmse_percent_after: float = math.nan
     next_experiment: str = ""
+    ambiguous_with: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         if not self.is_done:
             return f"{self.name} failed: {self.reason}"
         found = ", ".join(f"{cause}{_sizes(np.array([value]))}" for cause, value in self.causes.items()) or "no cause"
         errors = f"{self.nrmse_percent_before:.4g} % -> {self.nrmse_percent_after:.4g} %"
-        return f"{self.name}: {self.reason}: {found}, {errors}{' (kept)' if self.is_kept else ''}"
+        tied = f", cannot be told from {', '.join(self.ambiguous_with)}" if self.ambiguous_with else ""
+        return f"{self.name}: {self.reason}: {found}{tied}, {errors}{' (kept)' if self.is_kept else ''}"
 
 
 @dataclass(frozen=True)
@@ -96,11 +102,11 @@ class FleetDiagnosis:
         done = [record for record in self.records if record.is_done]
         for cause, records in self.shared_by.items():
             values = np.array([record.causes[cause] for record in records])
-            if len(records) == 1:
-                lines.append(f"{cause}{_sizes(values)}: {records[0].name} alone")
-                continue
+            perhaps = [record.name for record in done if cause in record.ambiguous_with and record not in records]
+            also = f", perhaps {', '.join(perhaps)}" if perhaps else ""
             names = ", ".join(record.name for record in records)
-            lines.append(f"{cause}{_sizes(values)}: {len(records)} of {len(done)}: {names}")
+            who = f"{len(records)} of {len(done)}: {names}" if len(records) > 1 or perhaps else f"{names} alone"
+            lines.append(f"{cause}{_sizes(values)}: {who}{also}")
         clean = [record.name for record in done if not record.causes and record.reason == Status.NOTHING_FOUND.value]
         open_ones = [record.name for record in done if not record.causes and record.name not in clean]
         if clean:
@@ -154,7 +160,8 @@ def diagnose_fleet(
         before, after = (float(content.get(f"nrmse_percent_{when}", math.nan)) for when in ("before", "after"))
         told = str(content.get("next_experiment", ""))
         what = (outcome.name, outcome.is_done, outcome.is_kept, outcome.reason)
-        records.append(DiagnosedRecord(*what, causes, before, after, told))
+        tied = tuple(str(cause) for cause in content.get("ambiguous_with", ()))
+        records.append(DiagnosedRecord(*what, causes, before, after, told, tied))
     found = FleetDiagnosis(tuple(records))
     write_text(_table(found), Path(output) / TABLE_NAME)
     return found
@@ -172,6 +179,7 @@ def _diagnose_record(path: Path, folder: Path, options: DiagnosisFleetOptions) -
     return {
         "reason": found.status.value,
         "causes": causes,
+        "ambiguous_with": list(found.ambiguous_with),
         "nrmse_percent_before": found.baseline_test_percent,
         "nrmse_percent_after": found.final_test_percent,
         "next_experiment": found.next_experiment,
@@ -184,7 +192,8 @@ def _table(found: FleetDiagnosis) -> str:
         errors = [f"{value:.6g}" for value in (record.nrmse_percent_before, record.nrmse_percent_after)]
         main = " ".join(f"{value:.6g}" for value in record.causes.values())
         status = record.reason if record.is_done else f"failed: {record.reason}"
-        cells = (record.name, status, " ".join(record.causes), main, *errors, record.next_experiment)
+        tied = " ".join(record.ambiguous_with)
+        cells = (record.name, status, " ".join(record.causes), main, tied, *errors, record.next_experiment)
         rows.append(",".join(_cell(cell) for cell in cells))
     return "\n".join(rows) + "\n"
 
