@@ -62,7 +62,7 @@ def test_a_row_each_resumed_and_who_shares_a_cause(folder, tmp_path) -> None:
     assert "external_load (" in str(found)
     assert "2 of 3: stage_1.csv, stage_2.csv" in str(found)
     assert "nonsense" in bad.reason
-    rows = list(csv.DictReader((tmp_path / "fleet.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "fleet.csv").read_text().splitlines()))
     assert [row["recording"] for row in rows] == [f"stage_{k}.csv" for k in (1, 2, 3, 4)]
     assert rows[3]["status"].startswith("failed")
     assert json.loads((tmp_path / "stage_2.csv.diagnosis.json").read_text())["is_done"] is True
