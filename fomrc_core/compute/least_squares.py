@@ -64,6 +64,11 @@ def normal_equations(records: Iterable[tuple[Array, Array, Mask]]) -> NormalEqua
     return NormalEquations(gram, moment)
 
 
+def gram_of(records: Iterable[tuple[Array, Mask]]) -> Array:
+    """Return the sum of columns^T columns of records, each given as (columns, is_used), (n_columns, n_columns)."""
+    return normal_equations((columns, columns[:, 0], is_used) for columns, is_used in records).gram
+
+
 def product(columns: Array, signals: Array, is_used: Mask) -> Array:
     """Return columns^T signals over the used samples; the signals have shape (n_samples,) or (n_samples, n_signals)."""
     # zeroing the one signal costs nothing beside copying the used rows of all columns
@@ -82,6 +87,20 @@ def whitening_of(gram: Array) -> Array:
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale[None, :])
     kept = values > RANK_TOLERANCE * values[-1]
     return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def variances_of(gram: Array) -> Array:
+    """Return the diagonal of the inverse of a Gram matrix: variances of weights for targets of variance 1.
+
+    Weights of columns that cannot be told apart are as uncertain as rounding lets them be told, those of columns
+    that do not move are without end (inf). Shape (n_columns,).
+    """
+    power = np.diag(gram)
+    moves = power > _STILL * float(np.max(power, initial=0.0))
+    scale = np.sqrt(np.where(moves, power, np.inf))
+    values, vectors = np.linalg.eigh(gram / scale[:, None] / scale[None, :])
+    inverse = vectors**2 @ (1.0 / np.maximum(values, RANK_TOLERANCE * np.max(values, initial=0.0)))
+    return np.where(moves, inverse / scale**2, np.inf)
 
 
 def non_negative_weights(gram: Array, moment: Array) -> Array:

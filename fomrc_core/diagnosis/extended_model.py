@@ -65,12 +65,9 @@ def _fitted(model: TrialModel, split: DataSplit) -> Extension:
     best = _extend(model, split)
     error = squared_error(split.train, residuals(best.trial, split.train))
     for _ in range(_MAX_TURNS):
-        # columns of zeros: no direction of the linear part moves beside the effects
-        still = Tangent(
-            tuple(np.zeros((r.time_s.size, best.trial.weights.size + 1)) for r in split.train),
-            np.zeros((best.trial.weights.size + 1, 1)),
-        )
-        moved = refit(best.trial, split.train, still, n_iterations=4, is_linear_free=False).model
+        # no direction of the linear part moves beside the effects
+        still = Tangent.none(best.trial, split.train)
+        moved = refit(best.trial, split.train, still, n_iterations=4).model
         other = _extend(moved, split)
         error_after = squared_error(split.train, residuals(other.trial, split.train))
         if not error_after < error:

@@ -11,8 +11,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.search import Step
-from fomrc_core.fitting.element_fit import polish
-from fomrc_core.fitting.fit_record import shortest_time
+from fomrc_core.fitting.element_fit import fit_elements, trial_of
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
@@ -24,10 +23,10 @@ _SIGNIFICANCE = 0.01  # of one diagnosis, shared by the causes it tries
 def coarse_model(given: PiezoModel, split: DataSplit) -> TrialModel:
     """Return the given model's structure fitted to the training records: its number of elements, freely placed."""
     starts = tuple(None for _ in split.train)
-    best = polish(given.play_form, given.creep_order, split.train, starts)
-    fitted = TrialModel.of_play_form(best.form, best.order)
+    best = fit_elements(given.play_form, given.creep_order, split.train, starts)
+    fitted = trial_of(best.form, best.order, split.train, starts)
     nothing = tuple(() for _ in range(split.n_records))
-    return replace(fitted, record_effects=nothing, starts=(), shortest_time_s=shortest_time(split.train))
+    return replace(fitted, record_effects=nothing, starts=())
 
 
 def missing_step(

@@ -93,4 +93,4 @@ def _error(model: TrialModel, record: FitRecord) -> float:
 def _refit_own(model: TrialModel, record: FitRecord) -> TrialModel:
     free = tuple(p for p in free_parameters(model) if p.index == 0)
     held = Tangent.none(model, (record,))
-    return refit(model, (record,), held, n_iterations=8, free=free, is_linear_free=False).model
+    return refit(model, (record,), held, n_iterations=8, free=free).model

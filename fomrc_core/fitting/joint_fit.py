@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.least_squares import normal_equations, product
+from fomrc_core.compute.gauss_newton import Linearized, descend
+from fomrc_core.compute.least_squares import gram_of, normal_equations, product, variances_of
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
@@ -31,12 +32,13 @@ from fomrc_core.fitting.trial_model import TrialModel, predict
 
 Array = NDArray[np.float64]
 
-_CONVERGED = 3e-5
-_LARGEST_DAMPING = 1e6
+_LEAST_GAIN = 3e-5  # of the sum of squares: a model is told from another by a hundred times as much
 _LONGEST_LOG_STEP = 1.0  # a slope says nothing of a value several times smaller or larger
 _RESCAN_WIDTHS = (5e-4, 4e-5, 4e-6)
 _MOST_DIFFERENCES = 4  # tried for a direction, until one is neither rounding nor bent
 _PATIENCE = 4  # iterations before a start may be given up
+_N_LINEAR_STEPS = 2  # the columns are linear but for the creep order, which hardly moves
+_HARDLY_LESS = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +64,21 @@ class Refit:
     def standard_errors(
         self, records: tuple[FitRecord, ...], inflation: float
     ) -> dict[tuple[str, int | None, str], float]:
-        """Return the standard error of each free parameter, noise correlation counted by ``inflation``."""
+        """Return the standard error of each free parameter; inf for one the records say nothing of.
+
+        Args:
+            records: what was fitted.
+            inflation: by how much the noise varies more than if it were white.
+        """
         if not self.free:
             return {}
-        used = [d[r.is_used] for d, r in zip(self.directions, records, strict=True)]
-        information = sum(d.T @ d for d in used)
-        n = sum(d.shape[0] for d in used)
-        covariance = np.linalg.pinv(information) * self.squared_error / n * inflation
+        gram = gram_of((d, r.is_used) for d, r in zip(self.directions, records, strict=True))
+        n = sum(int(np.count_nonzero(r.is_used)) for r in records)
+        variances = variances_of(gram) * self.squared_error / n * inflation
         errors = {}
-        for k, free in enumerate(self.free):
+        for free, variance in zip(self.free, variances, strict=True):
             per_coordinate = free.get(self.model) if free.spec.is_log else free.scale
-            errors[(free.cause, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(
-                max(float(covariance[k, k]), 0.0)
-            )
+            errors[(free.cause, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(variance)
         return errors
 
 
@@ -122,79 +126,108 @@ def _directions(
     return tuple(parts)
 
 
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where a refit stands.
+
+    Attributes:
+        chain: the model there.
+        coordinates: of its free parameters, shape (n_free,).
+        residuals_um: measured minus predicted, per record.
+        squared_error: their sum of squares [um^2].
+        space: directions of the linear part, taken there or at a former point.
+        is_space_old: whether they were taken at a former point.
+    """
+
+    chain: TrialModel
+    coordinates: Array
+    residuals_um: tuple[Array, ...]
+    squared_error: float
+    space: Tangent
+    is_space_old: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearized(Linearized[_Point]):
+    """The sum of squares in the free parameters alone, the linear part following them.
+
+    Attributes:
+        directions: displacement per coordinate, linear part removed, per record (n_samples, n_free).
+    """
+
+    directions: tuple[Array, ...]
+
+
 def refit(
     chain: TrialModel,
     records: tuple[FitRecord, ...],
     space: Tangent | None = None,
+    *,
     n_iterations: int = 12,
     free: tuple[FreeParameter, ...] | None = None,
-    is_linear_free: bool = True,
     hopeless_um2: float = math.inf,
     executor: Executor | None = None,
 ) -> Refit:
     """Return the chain with effects and linear part fitted together.
 
+    Seven arguments: what is fitted, where its linear part may go, and when to give up are all the caller's.
+
     Args:
         chain: where to start.
         records: what to fit.
-        space: tangent of the linear part; computed at the start where not given.
+        space: directions of the linear part, computed at the start where not given; with no column that moves, the
+            linear part is held.
         n_iterations: iterations at most.
         free: parameters to move; all that are not held by default.
-        is_linear_free: whether the directions of the linear part may be taken anew.
         hopeless_um2: a start whose sum of squares is still above this after some iterations is given up.
         executor: simulates the parameters' directions side by side where given; not one this call runs in.
     """
-    # Many arguments: what the search knows beforehand saves it most of the work; who only fits leaves them out.
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
-    coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
-    chain, left, error = _linear_part_first(chain, records, space)
-    is_log = np.array([p.spec.is_log for p in free], dtype=np.bool_)
-    damping, is_converged, is_space_old = 1e-3, False, bool(free) and is_linear_free
-    projected: tuple[Array, ...] = tuple(np.zeros((r.time_s.size, 0)) for r in records)
-    for iteration in range(n_iterations):
-        if iteration >= _PATIENCE and error > hopeless_um2:
-            break
+    is_linear_free = bool(np.any(space.whitening))
+    longest = np.array([_LONGEST_LOG_STEP if p.spec.is_log else math.inf for p in free])
+
+    def point_at(trial: TrialModel, left: tuple[Array, ...], directions: Tangent, is_old: bool) -> _Point:
+        coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
+        return _Point(trial, coordinates, left, squared_error(records, left), directions, is_old)
+
+    def linearize(point: _Point) -> _Linearized:
         # the offset is taken out of every direction, so the residual stands for the prediction
-        base = tuple(r.measured_um - v for r, v in zip(records, left, strict=True))
-        raw = _directions(chain, free, coordinates, records, base, executor)
-        projected = _removed(space, records, raw)
-        clear = space.remove(records, left)
+        base = tuple(r.measured_um - v for r, v in zip(records, point.residuals_um, strict=True))
+        raw = _directions(point.chain, free, point.coordinates, records, base, executor)
+        projected = _removed(point.space, records, raw)
+        clear = point.space.remove(records, point.residuals_um)
         equations = normal_equations((d, s, r.is_used) for d, s, r in zip(projected, clear, records, strict=True))
-        is_better = False
-        while damping < _LARGEST_DAMPING:
-            step = _damped_step(equations.gram, equations.moment, damping) if free else np.zeros(0)
-            step = np.where(is_log, np.clip(step, -_LONGEST_LOG_STEP, _LONGEST_LOG_STEP), step)
-            rest = tuple(s - d @ step for s, d in zip(left, raw, strict=True))
-            change = space.solve(records, rest)
+
+        def stepped(step: Array) -> _Point | None:
+            rest = tuple(s - d @ step for s, d in zip(point.residuals_um, raw, strict=True))
             try:
-                trial = moved(with_coordinates(chain, free, coordinates + step), change)
-                trial_left = residuals(trial, records)
-                trial_error = squared_error(records, trial_left)
+                trial = with_coordinates(point.chain, free, point.coordinates + step)
+                trial = moved(trial, point.space.solve(records, rest))
+                return point_at(trial, residuals(trial, records), point.space, is_linear_free)
             except ParameterError:
-                trial_error = np.inf
-            if trial_error < error:
-                is_better = True
-                break
-            damping = max(damping, 1e-4) * 8.0
-            if not free:
-                break
-        if not is_better and is_space_old:
-            # a large effect turns the directions of the linear part: take them anew before giving up
-            space, is_space_old, damping = tangent(chain, records), False, 1e-3
-            continue
-        if not is_better:
-            is_converged = True
-            break
-        is_space_old = is_linear_free
-        gain = (error - trial_error) / error
-        chain, left, error = trial, trial_left, trial_error
-        coordinates = np.array([p.coordinate(p.get(chain)) for p in free])
-        damping = max(damping / 6.0, 1e-7)
-        if gain < _CONVERGED:
-            is_converged = True
-            break
-    return Refit(chain, error, free, projected, left, is_converged)
+                return None
+
+        return _Linearized(equations, stepped, longest, projected)
+
+    def renew(point: _Point) -> _Point | None:
+        # a large effect turns the directions of the linear part: take them anew before giving up
+        if not point.is_space_old:
+            return None
+        return replace(point, space=tangent(point.chain, records), is_space_old=False)
+
+    chain, left = _linear_part_first(chain, records, space)
+    descent = descend(
+        point_at(chain, left, space, bool(free) and is_linear_free),
+        linearize,
+        n_iterations=n_iterations,
+        least_gain=_LEAST_GAIN,
+        renew=renew,
+        is_hopeless=lambda n_done, point: n_done >= _PATIENCE and point.squared_error > hopeless_um2,
+    )
+    found = descent.point
+    directions = descent.linearized.directions
+    return Refit(found.chain, found.squared_error, free, directions, found.residuals_um, descent.is_converged)
 
 
 def fit_until_still(chain: TrialModel, records: tuple[FitRecord, ...], executor: Executor | None = None) -> Refit:
@@ -215,11 +248,11 @@ def _scanned_again(chain: TrialModel, records: tuple[FitRecord, ...]) -> TrialMo
 
 def _linear_part_first(
     chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent
-) -> tuple[TrialModel, tuple[Array, ...], float]:
-    """Return the chain with its linear part moved to where the effects are, its residual and error."""
+) -> tuple[TrialModel, tuple[Array, ...]]:
+    """Return the chain with its linear part moved to where the effects are, and its residuals."""
     left = residuals(chain, records)
     error = squared_error(records, left)
-    for _ in range(2):
+    for _ in range(_N_LINEAR_STEPS):
         trial = moved(chain, space.solve(records, left))
         try:
             trial_left = residuals(trial, records)
@@ -228,25 +261,17 @@ def _linear_part_first(
         trial_error = squared_error(records, trial_left)
         if not trial_error < error:
             break
-        is_done = trial_error > 0.99 * error
+        is_done = trial_error > _HARDLY_LESS * error
         chain, left, error = trial, trial_left, trial_error
         if is_done:
             break
-    return chain, left, error
+    return chain, left
 
 
 def _removed(space: Tangent, records: tuple[FitRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:
     moment = sum(product(c, s, r.is_used) for c, r, s in zip(space.columns, records, raw, strict=True))
     coefficients = space.whitening @ (space.whitening.T @ moment)
     return tuple(s - c @ coefficients for s, c in zip(raw, space.columns, strict=True))
-
-
-def _damped_step(hessian: Array, gradient: Array, damping: float) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled = hessian / scale[:, None] / scale[None, :] + damping * np.eye(scale.size)
-    step = np.linalg.lstsq(scaled, gradient / scale, rcond=1e-12)[0] / scale
-    # a coordinate that does not act has no scale of its own
-    return np.asarray(np.where(np.diag(hessian) > 1e-20, step, 0.0))
 
 
 def scan(

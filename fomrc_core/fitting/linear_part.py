@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.compute.least_squares import product, whitening_of
+from fomrc_core.compute.least_squares import gram_of, product, whitening_of
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import creep_columns
@@ -22,7 +22,7 @@ from fomrc_core.model.simulation import (
 from fomrc_core.model.substeps import Substeps
 
 _ORDER_STEP = 1e-4  # of the creep order [1]: some hundredths of a usual one, far above the rounding of a simulation
-_MIN_ORDER, _MAX_ORDER = 0.0, 1.0  # what a model may have
+MIN_ORDER, MAX_ORDER = 0.0, 1.0  # creep orders a model may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,29 +146,26 @@ def _input_of(
     return values
 
 
+def order_slope(trial: TrialModel, record: FitRecord, index: int) -> Array:
+    """Return the change of the displacement with the creep order [um], by differences, shape (n_samples,)."""
+    step = _ORDER_STEP if trial.creep_order + _ORDER_STEP <= MAX_ORDER else -_ORDER_STEP
+    ahead = replace(trial, creep_order=trial.creep_order + step)
+    return (predict(ahead, record, index, is_coarse=True) - predict(trial, record, index, is_coarse=True)) / step
+
+
 def tangent(trial: TrialModel, records: tuple[FitRecord, ...]) -> Tangent:
     """Return the directions in which the linear part can move at a model under fit."""
-    step = _ORDER_STEP if trial.creep_order + _ORDER_STEP <= _MAX_ORDER else -_ORDER_STEP
-    other = replace(trial, creep_order=trial.creep_order + step)
     parts = []
-    gram = np.zeros((trial.weights.size + 1,) * 2)
-    is_order_free = not trial.replaces_creep
     for index, record in enumerate(records):
-        slope = np.zeros(record.time_s.size)
-        if is_order_free:
-            slope += predict(other, record, index, is_coarse=True) - predict(trial, record, index, is_coarse=True)
-            slope /= step
+        slope = np.zeros(record.time_s.size) if trial.replaces_creep else order_slope(trial, record, index)
         columns = np.column_stack((record_columns(trial, record, index), slope))
-        columns = centred(columns, record.is_used)
-        used = columns if np.all(record.is_used) else columns[record.is_used]
-        gram += used.T @ used
-        parts.append(columns)
-    return Tangent(tuple(parts), whitening_of(gram))
+        parts.append(centred(columns, record.is_used))
+    return Tangent(tuple(parts), whitening_of(gram_of((c, r.is_used) for c, r in zip(parts, records, strict=True))))
 
 
 def moved(trial: TrialModel, change: Array) -> TrialModel:
     """Return the model with weights and, last, creep order changed; the order stays within what a model may have."""
-    order = float(np.clip(trial.creep_order + change[-1], _MIN_ORDER, _MAX_ORDER))
+    order = float(np.clip(trial.creep_order + change[-1], MIN_ORDER, MAX_ORDER))
     if trial.replaces_creep:
         order = trial.creep_order
     return replace(trial, weights=trial.weights + change[:-1], creep_order=order)

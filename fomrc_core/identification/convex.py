@@ -1,7 +1,7 @@
 """Identify a model from input and output alone: the convex route, no start values, no local minima.
 
 Thresholds on a grid make the forward model linear in its weights, which are non-negative; the creep order is one
-more dimension, taken by Gauss-Newton. The weights are then merged to the wanted number of elements and polished
+more dimension, taken by Gauss-Newton. The weights are then merged to the wanted number of elements, which are fitted
 on the forward error (34). The paper's own route (29)-(34) is ``method="paper"``.
 """
 
@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
-from fomrc_core.compute.least_squares import non_negative_weights, normal_equations
+from fomrc_core.compute.least_squares import non_negative_weights, normal_equations, variances_of
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
-from fomrc_core.fitting.element_fit import Polished, Starts, play_form_response, polish
+from fomrc_core.fitting.element_fit import FittedElements, Starts, fit_elements, trial_of
 from fomrc_core.fitting.fit_record import FitRecord, shortest_time
-from fomrc_core.fitting.linear_part import centred, record_columns
+from fomrc_core.fitting.linear_part import centred, record_columns, residuals
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.identification.element_count import merged, split
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
@@ -39,7 +39,10 @@ Progress = Callable[[float, str], None]
 N_GRID = 48
 AUTO_COUNTS = (1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 32, 40)
 _WORTH_ADDING = 0.01  # relative gain of the held-out error that justifies more elements
+# Of the noise floor: what a fit with some dozens of parameters leaves at the noise lies within a few percent of it, and
+# the floor itself is known to some ten.
 _NOISE_REACHED = 1.2
+_UNDETERMINED = 0.5  # relative standard error of a weight or threshold: its 95 % interval reaches zero
 
 
 class FitOutcome(Enum):
@@ -96,6 +99,21 @@ class Fit:
         return "\n".join(lines)
 
 
+@dataclass(frozen=True, eq=False)
+class ParameterErrors:
+    """Standard errors of fitted parameters.
+
+    Attributes:
+        creep_order: of the creep order [1].
+        relative: of slope, weights and thresholds of the play form, shape (2 n + 1,).
+        undetermined_elements: elements whose weight or threshold the data leave open, from 0.
+    """
+
+    creep_order: float
+    relative: Array
+    undetermined_elements: tuple[int, ...]
+
+
 @with_one_algebra_thread
 def identify(
     recordings: Recording | Sequence[Recording],
@@ -144,8 +162,8 @@ def identify(
         best = _choose_count(dense, order, records, starts, test, tell)
     else:
         assert isinstance(n_elements, int)
-        tell(0.5, f"polish of {n_elements} elements")
-        best = _polished(dense, order, n_elements, records, starts)
+        tell(0.5, f"fit of {n_elements} elements")
+        best = _fitted_elements(dense, order, n_elements, records, starts)
     tell(0.95, "error and uncertainty")
     return _result(best, records, starts, given, test)
 
@@ -171,14 +189,14 @@ def non_negative_form(chain: TrialModel, records: tuple[FitRecord, ...]) -> Oper
     return OperatorSum(slope, thresholds[thresholds > 0.0], weights[thresholds > 0.0])
 
 
-def _polished(
+def _fitted_elements(
     dense: OperatorSum, order: float, n_elements: int, records: tuple[FitRecord, ...], starts: Starts
-) -> Polished:
+) -> FittedElements:
     form = merged(dense, n_elements)
     if form.thresholds.size == 0:
         top = float(np.max(dense.thresholds))
         form = OperatorSum(form.slope, np.array([0.5 * top]), np.array([1e-3 * form.slope]))
-    return polish(split(form, n_elements), order, records, starts)
+    return fit_elements(split(form, n_elements), order, records, starts)
 
 
 def _choose_count(
@@ -188,7 +206,7 @@ def _choose_count(
     starts: Starts,
     test: Recording | None,
     tell: Progress,
-) -> Polished:
+) -> FittedElements:
     held: tuple[FitRecord, ...]
     if test is not None:
         learned, held = records, (FitRecord.of(test),)
@@ -196,35 +214,33 @@ def _choose_count(
     else:
         learned = tuple(r.using(learned_blocks(r.time_s.size)) for r in records)
         held, held_starts = tuple(r.using(held_out_blocks(r.time_s.size)) for r in records), starts
-    scored: list[tuple[float, Polished]] = []
+    scored: list[tuple[float, FittedElements]] = []
     counts = [c for c in AUTO_COUNTS if c <= max(2, int(np.count_nonzero(dense.weights)))]
     for number, count in enumerate(counts):
         tell(0.2 + 0.7 * number / len(counts), f"{count} elements against held-out data")
-        found = _polished(dense, order, count, learned, starts)
-        left = [
-            centred(r.measured_um - play_form_response(found.form, found.order, r, s), r.is_used)[r.is_used]
-            for r, s in zip(held, held_starts, strict=True)
-        ]
-        scored.append((rms(np.concatenate(left)), found))
+        found = _fitted_elements(dense, order, count, learned, starts)
+        left = residuals(trial_of(found.form, found.order, held, held_starts), held)
+        scored.append((rms(np.concatenate([v[r.is_used] for v, r in zip(left, held, strict=True)])), found))
     least = min(score for score, _ in scored)
     chosen = next(found for score, found in scored if score <= (1.0 + _WORTH_ADDING) * least)
-    return chosen if test is not None else _polished(dense, order, chosen.form.thresholds.size, records, starts)
+    return chosen if test is not None else _fitted_elements(dense, order, chosen.form.thresholds.size, records, starts)
 
 
 def _result(
-    best: Polished, records: tuple[FitRecord, ...], starts: Starts, given: Sequence[Recording], test: Recording | None
+    best: FittedElements,
+    records: tuple[FitRecord, ...],
+    starts: Starts,
+    given: Sequence[Recording],
+    test: Recording | None,
 ) -> Fit:
     model = PiezoModel(*elements_from_play_form(best.form), best.order, shortest_time_s=shortest_time(records))
     n = best.form.thresholds.size
     noise_variance = best.squared_error / sum(r.time_s.size for r in records)
-    scale = np.sqrt(np.maximum(np.diag(best.information), 1e-300))
-    covariance = np.linalg.pinv(best.information / scale[:, None] / scale[None, :], rcond=1e-14) * noise_variance
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
-    seen = np.sqrt(np.diag(best.information)) > 0.0
-    errors = np.where(seen, errors, np.inf)
-    undetermined = tuple(j for j in range(n) if errors[1 + j] > 0.5 or errors[1 + n + j] > 0.5)
+    errors = np.sqrt(variances_of(best.information) * noise_variance)
+    weights, thresholds = errors[1 : 1 + n], errors[1 + n : 1 + 2 * n]
+    undetermined = np.flatnonzero((weights > _UNDETERMINED) | (thresholds > _UNDETERMINED))
     return fit_of(
-        model, given, test, starts=starts, order_error=float(errors[-1]), errors=errors[:-1], undetermined=undetermined
+        model, given, test, starts, ParameterErrors(float(errors[-1]), errors[:-1], tuple(undetermined.tolist()))
     )
 
 
@@ -232,43 +248,36 @@ def fit_of(
     model: PiezoModel,
     recordings: Sequence[Recording],
     test: Recording | None,
-    *,
     starts: Starts | None = None,
-    order_error: float = float("nan"),
-    errors: Array | None = None,
-    undetermined: tuple[int, ...] = (),
+    errors: ParameterErrors | None = None,
 ) -> Fit:
-    """Return the errors of a model on its training and held-out records as a ``Fit``."""
-    # Many arguments: what only one of the two routes knows has a default for the other.
+    """Return the errors of a model on its training and held-out records as a ``Fit``.
+
+    Args:
+        model: the model.
+        recordings: training records.
+        test: held-out record, where there is one.
+        starts: how each training record begins; found where not given.
+        errors: of the parameters, where they are known.
+    """
     records = tuple(FitRecord.of(r) for r in recordings)
     starts = choose_starts(records) if starts is None else starts
+    trial = trial_of(model.play_form, model.creep_order, records, starts)
     left, offsets = [], []
-    for record, start in zip(records, starts, strict=True):
-        raw = record.measured_um - play_form_response(model.play_form, model.creep_order, record, start)
+    for index, record in enumerate(records):
+        raw = record.measured_um - predict(trial, record, index)
         offsets.append(float(np.mean(raw)))
         left.append(raw - np.mean(raw))
     error = rms(np.concatenate(left))
     noise = noise_floor(list(recordings)).floor_um
     test_error = float("nan")
     if test is not None:
-        held = FitRecord.of(test)
-        raw = held.measured_um - play_form_response(model.play_form, model.creep_order, held, choose_starts((held,))[0])
-        test_error = normalised_percent(float(np.std(raw)), [held.measured_um])
-    if undetermined:
-        outcome = FitOutcome.UNDETERMINED
-        reason = (
-            f"{len(undetermined)} of {model.n_elements} elements are not determined by this drive: "
-            "use more amplitudes or fewer elements"
-        )
-    elif error <= _NOISE_REACHED * noise:
-        outcome, reason = FitOutcome.GOOD, f"error {1e3 * error:.3g} nm rms, at the noise of {1e3 * noise:.3g} nm"
-    else:
-        outcome = FitOutcome.COARSE
-        ratio = error / max(noise, 1e-12)
-        reason = (
-            f"error {1e3 * error:.3g} nm rms is {ratio:.3g} times the noise: diagnose the record, something is "
-            "not in the model"
-        )
+        held = (FitRecord.of(test),)
+        (held_left,) = residuals(trial_of(model.play_form, model.creep_order, held, choose_starts(held)), held)
+        test_error = normalised_percent(rms(held_left), [held[0].measured_um])
+    if errors is None:
+        errors = ParameterErrors(math.nan, np.full(2 * model.n_elements + 1, np.nan), ())
+    outcome, reason = _judged(error, noise, len(errors.undetermined_elements), model.n_elements)
     return Fit(
         model,
         outcome,
@@ -279,8 +288,23 @@ def fit_of(
         test_error,
         tuple(offsets),
         tuple(left),
-        order_error,
-        np.full(2 * model.n_elements + 1, np.nan) if errors is None else errors,
-        undetermined,
+        errors.creep_order,
+        errors.relative,
+        errors.undetermined_elements,
         tuple("rested at its first voltage" if s else "relaxed" for s in starts),
+    )
+
+
+def _judged(error_um: float, noise_um: float, n_undetermined: int, n_elements: int) -> tuple[FitOutcome, str]:
+    if n_undetermined:
+        return FitOutcome.UNDETERMINED, (
+            f"{n_undetermined} of {n_elements} elements are not determined by this drive: "
+            "use more amplitudes or fewer elements"
+        )
+    if error_um <= _NOISE_REACHED * noise_um:
+        return FitOutcome.GOOD, f"error {1e3 * error_um:.3g} nm rms, at the noise of {1e3 * noise_um:.3g} nm"
+    ratio = error_um / max(noise_um, 1e-12)
+    return FitOutcome.COARSE, (
+        f"error {1e3 * error_um:.3g} nm rms is {ratio:.3g} times the noise: diagnose the record, something is "
+        "not in the model"
     )

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts
-from fomrc_core.fitting.element_fit import play_form_response
+from fomrc_core.fitting.element_fit import trial_of
 from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.trial_model import predict
 from fomrc_core.identification.convex import Fit
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
@@ -127,11 +128,8 @@ def estimate_uncertainty(
 
     def responses(parameters: Array) -> list[Array]:
         order = float(min(max(parameters[-1], 0.0), 1.0))
-        trial = PiezoModel(np.exp(parameters[: n + 1]), np.exp(parameters[n + 1 : -1]), order)
-        moved = [
-            play_form_response(trial.play_form, trial.creep_order, record, start)
-            for record, start in zip(records, starts, strict=True)
-        ]
+        form = PiezoModel(np.exp(parameters[: n + 1]), np.exp(parameters[n + 1 : -1]), order).play_form
+        moved = [predict(trial_of(form, order, records, starts), record, index) for index, record in enumerate(records)]
         return [x - x.mean() for x in moved]
 
     def tell(share: float, text: str) -> None:

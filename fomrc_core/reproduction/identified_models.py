@@ -135,7 +135,7 @@ def with_fast_effects(model: PiezoModel, fast: Recording) -> PiezoModel:
     starts = [replace(bare, effects=effects) for effects in product(*(kind.screening(evidence) for kind in kinds))]
     starts.sort(key=lambda start: squared_error(records, residuals(start, records)))
     held = Tangent.none(bare, records)
-    fits = [refit(start, records, held, _N_ITERATIONS, is_linear_free=False) for start in starts[:_N_STARTS]]
+    fits = [refit(start, records, held, n_iterations=_N_ITERATIONS) for start in starts[:_N_STARTS]]
     best = min(fits, key=lambda fit: fit.squared_error)
     return replace(model, effects=best.model.effects, substeps=Substeps.BENDS)
 

@@ -23,7 +23,7 @@ STALL_S = 7e-3
 # Until the stage is back on the target: a tick of each process, and the transport between them.
 _RECOVERY_S = 5e-3
 # Less says too little to judge by: of the samples that arrived, and of the range of the target.
-_LEAST_SHARE = 0.2
+_LEAST_SHARE = 0.1
 _LEAST_RANGE = 0.9
 
 

@@ -1,0 +1,145 @@
+"""Damped Gauss-Newton on a sum of squares (Levenberg, 1944; Marquardt, 1963): the one descent of all fits.
+
+A fit says what a point is, how the residual is linearized about it, and where a step leads; the damping is here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.least_squares import NormalEquations
+
+# Added to the diagonal of the Gram matrix of unit directions. The first is small beside the directions that the data
+# determine, so that the first step is nearly Gauss-Newton's; the largest makes a step of a millionth of the steepest
+# descent, below what a simulation resolves; the least keeps directions that the data do not determine in bounds.
+_FIRST_DAMPING = 1e-3
+_LARGEST_DAMPING = 1e6
+_LEAST_DAMPING = 1e-7
+# After a refusal the damping rises from here on: below, the matrix is the same to three digits.
+_FELT_DAMPING = 1e-4
+_RAISED_BY, _LOWERED_BY = 8.0, 6.0
+# Of the largest power: a direction that changes the residual by a ten billionth of the strongest does not act.
+_IDLE = 1e-20
+
+
+class Point(Protocol):
+    """Where a fit stands."""
+
+    @property
+    def squared_error(self) -> float:
+        """Sum of squares there."""
+
+
+PointT = TypeVar("PointT", bound=Point)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearized(Generic[PointT]):
+    """A sum of squares about a point.
+
+    Attributes:
+        equations: of the step that would be best were the residual linear in it.
+        stepped: where a step, shape (n_coordinates,), leads; None where nothing is.
+        longest_step: longest step of each coordinate to either side, shape (n_coordinates,); inf for any.
+    """
+
+    equations: NormalEquations
+    stepped: Callable[[Array], PointT | None]
+    longest_step: Array
+
+
+LinearizedT = TypeVar("LinearizedT", bound=Linearized)  # type: ignore[type-arg]
+
+
+@dataclass(frozen=True, eq=False)
+class Descent(Generic[PointT, LinearizedT]):
+    """What a descent came to.
+
+    Attributes:
+        point: the best point met.
+        linearized: the last linearization, about the point before the last step.
+        n_iterations: linearizations made.
+        is_converged: whether it came to rest within the iterations allowed.
+    """
+
+    point: PointT
+    linearized: LinearizedT
+    n_iterations: int
+    is_converged: bool
+
+
+def descend(
+    start: PointT,
+    linearize: Callable[[PointT], LinearizedT],
+    *,
+    n_iterations: int,
+    least_gain: float,
+    renew: Callable[[PointT], PointT | None] = lambda point: None,
+    is_hopeless: Callable[[int, PointT], bool] = lambda n_done, point: False,
+) -> Descent[PointT, LinearizedT]:
+    """Return the least sum of squares that damped Gauss-Newton steps lead to.
+
+    Each step is that of the normal equations with their diagonal raised; a step that does not lower the error is
+    refused and the diagonal raised further.
+
+    Args:
+        start: where to begin.
+        linearize: the residual about a point.
+        n_iterations: linearizations at most, 1 or more.
+        least_gain: a step that lowers the error by a smaller share of it is the last.
+        renew: asked where no step lowers the error: the same point with a better linearization, None where there is
+            none.
+        is_hopeless: whether to give up at a point, asked with the number of linearizations made.
+
+    Raises:
+        ValueError: no iterations allowed.
+    """
+    if n_iterations < 1:
+        raise ValueError(f"n_iterations: {n_iterations}, allowed: 1 or more")
+    point, damping = start, _FIRST_DAMPING
+    linearized = linearize(point)
+    for n_done in range(1, n_iterations + 1):
+        better, damping = _better(point, linearized, damping)
+        if better is None:
+            renewed = renew(point)
+            if renewed is None:
+                return Descent(point, linearized, n_done, True)
+            point, damping = renewed, _FIRST_DAMPING
+        else:
+            gain = (point.squared_error - better.squared_error) / point.squared_error
+            point, damping = better, max(damping / _LOWERED_BY, _LEAST_DAMPING)
+            if gain < least_gain:
+                return Descent(point, linearized, n_done, True)
+        if n_done == n_iterations or is_hopeless(n_done, point):
+            break
+        linearized = linearize(point)
+    return Descent(point, linearized, n_done, False)
+
+
+def _better(point: PointT, linearized: Linearized[PointT], damping: float) -> tuple[PointT | None, float]:
+    """Return the first point with a lesser error that ever more damped steps lead to, and its damping."""
+    while damping < _LARGEST_DAMPING:
+        step = damped_step(linearized.equations, damping)
+        trial = linearized.stepped(np.clip(step, -linearized.longest_step, linearized.longest_step))
+        if trial is not None and trial.squared_error < point.squared_error:
+            return trial, damping
+        if not step.size:  # nothing that damping could shorten
+            break
+        damping = max(damping, _FELT_DAMPING) * _RAISED_BY
+    return None, damping
+
+
+def damped_step(equations: NormalEquations, damping: float) -> Array:
+    """Return the step of the normal equations, each direction taken in its own unit and damped alike."""
+    power = np.diag(equations.gram)
+    acts = power > _IDLE * float(np.max(power, initial=0.0))
+    # a direction that does not act has no unit of its own, and stays where it is
+    scale = np.sqrt(np.where(acts, power, math.inf))
+    scaled = equations.gram / scale[:, None] / scale[None, :] + damping * np.eye(scale.size)
+    return np.asarray(np.linalg.solve(scaled, equations.moment / scale) / scale)
