@@ -7,5 +7,6 @@ __all__ = [
     "arrays",
     "blas_threads",
     "compiled",
+    "gauss_newton",
     "least_squares",
 ]

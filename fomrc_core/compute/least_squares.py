@@ -76,16 +76,21 @@ def product(columns: Array, signals: Array, is_used: Mask) -> Array:
     return np.asarray(columns.T @ masked)
 
 
-def whitening_of(gram: Array) -> Array:
-    """Return W with W W^T the pseudo-inverse of the Gram matrix, directions below rounding left out.
+def whitening_of(gram: Array, tolerance: float = RANK_TOLERANCE) -> Array:
+    """Return W with W W^T the pseudo-inverse of the Gram matrix, weak directions left out.
 
     Shape (n_columns, rank); columns^T columns = gram makes columns W orthonormal.
+
+    Args:
+        gram: shape (n_columns, n_columns).
+        tolerance: directions of unit columns with a smaller share of the largest power are left out; those that are
+            rounding unless given.
     """
     power = np.diag(gram)
     # a column that does not move (a knee the drive never reaches) takes no part
     scale = np.where(power > _STILL * np.max(power), 1.0 / np.sqrt(np.maximum(power, 1e-300)), 0.0)
     values, vectors = np.linalg.eigh(gram * scale[:, None] * scale[None, :])
-    kept = values > RANK_TOLERANCE * values[-1]
+    kept = values > tolerance * values[-1]
     return np.asarray(scale[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
 
 

@@ -39,7 +39,7 @@ from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.drive import longest_sweep
 from fomrc_core.records.noise import NoiseFloor, noise_floor
 from fomrc_core.records.recording import Recording
-from fomrc_core.records.residual import rms
+from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
 
 Array = NDArray[np.float64]
@@ -205,10 +205,9 @@ def _result(
     steps = (first, *found.steps) if first is not None else found.steps
     tell(0.97, "what remains")
     records, worst, floor = _views(split, base, extension.trial, noise)
-    span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
+    quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
     before = rms(np.concatenate(held_residuals(base, split.report)))
     after = rms(np.concatenate(held_residuals(extension.trial, split.report)))
-    train_span = max(float(np.ptp(r.measured_um)) for r in split.train)
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
@@ -224,9 +223,9 @@ def _result(
         probability_of_unknown=probability_of_unknown(judgement, findings),
         noise=noise,
         noise_floor_um=floor,
-        baseline_train_percent=100.0 * train / train_span,
-        baseline_test_percent=100.0 * before / span,
-        final_test_percent=100.0 * after / span,
+        baseline_train_percent=normalised_percent(train, [r.measured_um for r in split.train]),
+        baseline_test_percent=normalised_percent(before, quoted_um),
+        final_test_percent=normalised_percent(after, quoted_um),
         findings=findings,
         ambiguous_with=tuple(tied),
         unexplained_percent=100.0 * judgement.unexplained_share,

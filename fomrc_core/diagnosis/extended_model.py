@@ -5,22 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fomrc_core.compute.least_squares import product, signed_weights
+from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.least_squares import normal_equations, signed_weights
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.search import SearchResult
 from fomrc_core.effects import Effect
 from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.linear_part import Tangent, centred, record_columns, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
-
-Array = NDArray[np.float64]
 
 _MAX_TURNS = 6
 _LEAST_GAIN = 1e-3  # of the squared error: less is not worth another turn
@@ -86,14 +85,14 @@ def _extend(model: TrialModel, split: DataSplit) -> Extension:
     as found.
     """
     plain = model.columns.is_plain
-    n = model.weights.size
-    gram, moment = np.zeros((n, n)), np.zeros(n)
-    for index, record in enumerate(split.train):
+
+    def rows(index: int, record: FitRecord) -> tuple[Array, Array, Mask]:
         columns = centred(record_columns(model, record, index), record.is_used)
-        target = centred(record.measured_um - predict(model, record, index), record.is_used) + columns @ model.weights
-        gram += product(columns, columns, record.is_used)
-        moment += product(columns, target, record.is_used)
-    weights = signed_weights(gram, moment, plain)
+        left_um = centred(record.measured_um - predict(model, record, index), record.is_used)
+        return columns, left_um + columns @ model.weights, record.is_used
+
+    equations = normal_equations(rows(index, record) for index, record in enumerate(split.train))
+    weights = signed_weights(equations.gram, equations.moment, plain)
     thresholds = model.columns.thresholds_v
     is_slope = plain & (thresholds == 0.0)
     if not float(np.sum(weights[is_slope])) > 0.0:

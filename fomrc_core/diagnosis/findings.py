@@ -16,7 +16,7 @@ from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
-from fomrc_core.records.residual import rms
+from fomrc_core.records.residual import normalised_percent, rms
 
 Values = Mapping[str, float | list[float]]
 
@@ -86,16 +86,16 @@ def findings_of(
     """
     if not steps:
         return ()
-    span = float(np.ptp(np.concatenate([h.record.measured_um[h.record.is_used] for h in split.report])))
-    floor = 100.0 * floor_um / span
+    quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
+    floor = normalised_percent(floor_um, quoted_um)
     errors = final.standard_errors(split.train, residual_inflation(final.residual, split.train))
     models = [step.before for step in steps[1:]] + [final_model]
     found = []
     for step, after_model in zip(steps, models, strict=True):
         cause = step.accepted.cause
         kind = cause_classes()[cause]
-        before = 100.0 * rms(np.concatenate(held_residuals(step.before, split.report))) / span
-        after = 100.0 * rms(np.concatenate(held_residuals(after_model, split.report))) / span
+        before = normalised_percent(rms(np.concatenate(held_residuals(step.before, split.report))), quoted_um)
+        after = normalised_percent(rms(np.concatenate(held_residuals(after_model, split.report))), quoted_um)
         acting, index = _find(final_model, cause)
         # what has been folded into the elements shows in their number
         parameters: Values = {kind.main_parameter: float(n_elements)} if acting is None else acting.to_mapping()

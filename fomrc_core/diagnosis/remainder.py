@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks, lfilter
 from scipy.stats import t as student
 
+from fomrc_core.compute.least_squares import normal_equations, whitening_of
+
 Array = NDArray[np.float64]
 
 _N_BLOCKS = 24  # of a record: blocks long beside the correlation of noise, many enough for a t-test
@@ -131,21 +133,18 @@ def _blocks(n_samples: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 def _learned(records: Sequence[DrivenRecord], columns: list[Array], learned: list[NDArray[np.bool_]]) -> Array:
     """Return coefficients by least squares, each orthogonal part shrunk by what noise of this colour makes of it."""
     n_columns = columns[0].shape[1]
-    gram, moment = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
     parts = []
     for record, c, mask in zip(records, columns, learned, strict=True):
         if not np.any(mask):
             continue
         x = c[mask] - np.mean(c[mask], axis=0)
         y = record.residual_um[mask] - np.mean(record.residual_um[mask])
-        gram += x.T @ x
-        moment += x.T @ y
         parts.append((x, y, _blocks(record.time_s.size)[0][mask]))
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    values, vectors = np.linalg.eigh(gram / scale[:, None] / scale[None, :])
-    kept = values > _RANK_TOLERANCE * values[-1]
-    whitening = (vectors[:, kept] / np.sqrt(values[kept])) / scale[:, None]
-    parts_along = whitening.T @ moment
+    if not parts:
+        return np.zeros(n_columns)
+    equations = normal_equations((x, y, np.ones(y.size, dtype=np.bool_)) for x, y, _ in parts)
+    whitening = whitening_of(equations.gram, _RANK_TOLERANCE)
+    parts_along = whitening.T @ equations.moment
     # what each part would be by chance: from its own spread over blocks, which counts correlation as it is
     chance = np.zeros(parts_along.size)
     for x, y, block in parts:

@@ -170,8 +170,6 @@ def refit(
 ) -> Refit:
     """Return the chain with effects and linear part fitted together.
 
-    Seven arguments: what is fitted, where its linear part may go, and when to give up are all the caller's.
-
     Args:
         chain: where to start.
         records: what to fit.
@@ -182,6 +180,7 @@ def refit(
         hopeless_um2: a start whose sum of squares is still above this after some iterations is given up.
         executor: simulates the parameters' directions side by side where given; not one this call runs in.
     """
+    # Many arguments: what the search knows beforehand saves it most of the work; who only fits leaves them out.
     free = free_parameters(chain) if free is None else free
     space = tangent(chain, records) if space is None else space
     is_linear_free = bool(np.any(space.whitening))

@@ -161,7 +161,7 @@ def triangle(
             value=n_cycles,
             allowed=f"at most {max(1, int(0.5 * n_samples))} at this slope and rate",
         )
-    turns_v = _turning_points(amplitude_v, n_cycles, is_unipolar=is_unipolar)
+    turns_v = _turning_levels_v(amplitude_v, n_cycles, is_unipolar=is_unipolar)
     turn_times_s = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(turns_v))))) / slope_v_per_s
     time_s = _sample_times(float(turn_times_s[-1]), rate_hz)
     voltage_v = np.interp(time_s, turn_times_s, turns_v)
@@ -201,7 +201,7 @@ def staircase(
     _refuse_too_many(
         _way_v(amplitude_v, n_cycles, is_unipolar=is_unipolar) / step_v * _n_per_level(dwell_s, _rate(rate_hz))
     )
-    turns = np.round(_turning_points(amplitude_v, n_cycles, is_unipolar=is_unipolar) / step_v).astype(int)
+    turns = np.round(_turning_levels_v(amplitude_v, n_cycles, is_unipolar=is_unipolar) / step_v).astype(int)
     levels = [0]
     for level in turns[1:]:
         direction = 1 if level > levels[-1] else -1
@@ -331,7 +331,7 @@ def _way_v(amplitude_v: float, n_cycles: int, *, is_unipolar: bool) -> float:
     return (2.0 if is_unipolar else 4.0) * 0.5 * amplitude_v * (n_cycles + 1)
 
 
-def _turning_points(amplitude_v: float, n_cycles: int, *, is_unipolar: bool) -> NDArray[np.float64]:
+def _turning_levels_v(amplitude_v: float, n_cycles: int, *, is_unipolar: bool) -> NDArray[np.float64]:
     amplitudes = amplitude_v * (1.0 - np.arange(n_cycles) / n_cycles)
     lows = np.zeros(n_cycles) if is_unipolar else -amplitudes
     turns = np.column_stack((amplitudes, lows)).reshape(-1)

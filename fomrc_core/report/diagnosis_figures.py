@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from fomrc_core.records.drive import is_settled
-from fomrc_core.records.residual import rms
+from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.report.residual_views import (
     amplitude_density,
     binned,
@@ -174,7 +174,7 @@ def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
     findings = diagnosis.findings
     errors = [diagnosis.baseline_test_percent, *(f.nrmse_percent_test_after for f in findings)]
     names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in findings)]
-    floor = 100.0 * diagnosis.noise_floor_um / float(np.ptp(quoted_record(diagnosis).measured_um))
+    floor = normalised_percent(diagnosis.noise_floor_um, [quoted_record(diagnosis).measured_um])
     longest = max(*errors, floor)
     for place, (error, name) in enumerate(zip(errors, names, strict=True)):
         axes.barh(place, error, color=AFTER if place else BEFORE, height=0.5)

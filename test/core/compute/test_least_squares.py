@@ -10,6 +10,7 @@ from fomrc_core.compute.least_squares import (
     non_negative_weights,
     normal_equations,
     signed_weights,
+    variances_of,
     whitening_of,
 )
 
@@ -68,3 +69,22 @@ def test_weights_of_either_sign_are_free_and_the_marked_ones_not_negative() -> N
     part = signed_weights(gram, moment, np.array([True, True, False]))
     assert part[1] == 0.0
     assert part[2] < 0.0
+
+
+def test_variances_are_those_of_the_inverse_and_large_where_columns_cannot_be_told_apart() -> None:
+    columns = _RNG.standard_normal((300, 3)) * [1e-6, 1.0, 1e3]
+    gram = columns.T @ columns
+    assert variances_of(gram) == pytest.approx(np.diag(np.linalg.inv(gram)), rel=1e-6)
+    alike = np.column_stack((columns, columns[:, 1], np.zeros(300)))
+    variances = variances_of(alike.T @ alike)
+    assert variances[[0, 2]] == pytest.approx(variances_of(gram)[[0, 2]], rel=0.02)
+    assert np.all(variances[[1, 3]] > 1e6 * variances_of(gram)[1])
+    assert variances[4] == np.inf
+
+
+def test_weak_directions_are_left_out_at_the_tolerance_asked_for() -> None:
+    columns = _RNG.standard_normal((100, 2))
+    nearly = np.column_stack((columns[:, 0], columns[:, 0] + 1e-5 * columns[:, 1]))
+    gram = nearly.T @ nearly
+    assert whitening_of(gram).shape == (2, 2)
+    assert whitening_of(gram, 1e-7).shape == (2, 1)
