@@ -32,6 +32,7 @@ def test_each_solver_of_scipy_has_one_user() -> None:
         for module, node in _nodes(ast.ImportFrom)
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("scipy.optimize")
         for alias in node.names
+        if alias.name not in {"brentq", "root_scalar"}  # a root of one equation is no fit
     }
     assert found == {
         # one non-negative solver; no other least squares of scipy's: the damped descent is ours
@@ -49,7 +50,9 @@ def test_each_solver_of_scipy_has_one_user() -> None:
     assert whole == set()
 
 
-def test_equations_are_solved_where_least_squares_live() -> None:
+def test_fits_solve_their_equations_where_least_squares_live() -> None:
+    # A regression of a few terms within a noise or an effect may be numpy's own.
+    fits = ("compute", "fitting", "identification", "diagnosis", "model", "control", "comparison", "reproduction")
     found = {
         module
         for module, node in _nodes(ast.Attribute)
@@ -57,15 +60,9 @@ def test_equations_are_solved_where_least_squares_live() -> None:
         and node.attr in {"solve", "lstsq", "pinv", "inv", "cholesky"}
         and isinstance(node.value, ast.Attribute)
         and node.value.attr == "linalg"
+        and module.startswith(tuple(f"fomrc_core.{room}." for room in fits))
     }
-    assert found == {
-        "fomrc_core.compute.least_squares",
-        "fomrc_core.compute.gauss_newton",
-        # no fits: moments of a few modes, the legs of a tripod, four terms of a wave
-        "fomrc_core.operators.creep_modes",
-        "fomrc_ros.gap.geometry",
-        "fomrc_core.effects.cyclic_sensor_error",
-    }
+    assert found == {"fomrc_core.compute.least_squares", "fomrc_core.compute.gauss_newton"}
 
 
 def test_gram_matrices_are_assembled_in_one_place() -> None:
