@@ -37,10 +37,14 @@ def thousand_actuators(n_actuators: int = 1000) -> list[Row]:
         for single, state, target in zip(singles, states, row_um, strict=True):
             single.advance(state, target, STEP_S)
 
+    def one_by_one() -> None:
+        for row in desired:
+            array.advance(inverse, row, STEP_S)
+
     works = {
         "forward": lambda: array.simulate(steps, voltage, forward),
         "inverse": lambda: array.compensate(steps, desired, inverse),
-        "one inverse step by itself": lambda: array.advance(inverse, desired[50], STEP_S),
+        "inverse, step by step": one_by_one,
         "separate compensators": separate,
     }
     if c_reference.available():
@@ -52,11 +56,11 @@ def thousand_actuators(n_actuators: int = 1000) -> list[Row]:
     each = {
         "forward": 1e9 * best["forward"] / (n_steps * n_actuators),
         "inverse": 1e9 * best["inverse"] / (n_steps * n_actuators),
-        "one inverse step by itself": 1e9 * best["one inverse step by itself"] / n_actuators,
+        "inverse, step by step": 1e9 * best["inverse, step by step"] / (n_steps * n_actuators),
         "separate compensators": 1e9 * best["separate compensators"] / n_actuators,
     }
     if "C reference, one actuator" in best:
         each["C reference, one actuator again and again"] = 1e9 * best["C reference, one actuator"] / (1000 * n_steps)
     figure = "; ".join(f"{name} {cost:.1f} ns" for name, cost in each.items())
-    is_met = max(each["forward"], each["inverse"], each["one inverse step by itself"]) <= _LONGEST_NS
+    is_met = max(each["forward"], each["inverse"], each["inverse, step by step"]) <= _LONGEST_NS
     return [Row(f"{n_actuators} actuators, one step of all, for each", figure, f"<= {_LONGEST_NS:g} ns", is_met)]

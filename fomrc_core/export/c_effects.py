@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fomrc_core.effects import Stage
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepFunction
@@ -11,7 +12,7 @@ from fomrc_core.export.options import Precision
 from fomrc_core.export.parts import EffectPart
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.template import read_template, render
-from fomrc_core.export.translation import FAILURE, LIBRARY, Surroundings, Translated, helper_function, step_function
+from fomrc_core.export.translation import FAILURE, Surroundings, Translated, helper_function, step_function
 
 _TYPES = {FieldKind.REAL: "{name}_real", FieldKind.WIDE: "double", FieldKind.COUNT: "uint32_t"}
 
@@ -68,22 +69,36 @@ def prepare_calls(plan: ExportPlan) -> str:
 
 
 def definitions(plan: ExportPlan) -> str:
-    """Return constants and functions of all effects, what they call before them."""
+    """Return constants and functions of all effects, what they call before them.
+
+    What only a step of any length needs is left out where there is none.
+    """
     prefix = plan.options.name
-    guard = f"#ifndef {prefix.upper()}_FIXED_STEP_ONLY\n{{}}\n#endif"
-    texts: list[str] = []
     functions = {part.name: dict(_functions(part, plan)) for part in plan.parts}
-    needs = {need for own in functions.values() for translated in own.values() for need in translated.needs}
-    if needs:
+    in_step = [own for kinds in functions.values() for kind, own in kinds.items() if kind != "prepare"]
+    in_prepare = [kinds["prepare"] for kinds in functions.values() if "prepare" in kinds]
+    helpers = {helper.__name__: helper for part in plan.parts for helper in part.form.helpers}
+    fixed_helpers = [helper_function(helpers[name], False) for name in _called(helpers, in_step)]
+    other = [name for name in _called(helpers, in_prepare) if name not in _called(helpers, in_step)]
+    any_helpers = [helper_function(helpers[name], True) for name in other]
+    texts: list[str] = []
+    if needs := {need for own in (*in_step, *fixed_helpers) for need in own.needs}:
         texts.append(render(read_template("own_functions.c"), prefix, needs, {}).strip("\n"))
-    for helper in _helpers(plan.parts):
-        translated = helper_function(helper)
-        texts.append(guard.format(translated.text) if LIBRARY in translated.needs else translated.text)
+    texts += [own.text for own in fixed_helpers] + [_guarded(own.text, prefix) for own in any_helpers]
     for part in plan.parts:
-        texts.append(_constants(part, functions[part.name]))
-        for kind, translated in functions[part.name].items():
-            texts.append(guard.format(translated.text) if kind == "prepare" else translated.text)
+        own = functions[part.name]
+        texts.append(_constants(part, own, prefix))
+        texts += [_guarded(f.text, prefix) if kind == "prepare" else f.text for kind, f in own.items()]
     return "\n\n".join(text for text in texts if text).replace("@prefix@", prefix)
+
+
+def _guarded(text: str, prefix: str) -> str:
+    return f"#ifndef {prefix.upper()}_FIXED_STEP_ONLY\n{text}\n#endif"
+
+
+def _called(helpers: Mapping[str, StepFunction], functions: Iterable[Translated]) -> list[str]:
+    texts = "\n".join(function.text for function in functions)
+    return [name for name in helpers if f"{name}(" in texts]
 
 
 def step_calls(plan: ExportPlan, stages: Sequence[Stage], kind: str, step: str, is_reversed: bool = False) -> str:
@@ -153,21 +168,19 @@ def _functions(part: EffectPart, plan: ExportPlan) -> Iterator[tuple[str, Transl
             yield kind, _function(part, kind)
 
 
-def _helpers(parts: Iterable[EffectPart]) -> list[StepFunction]:
-    return list({helper.__name__: helper for part in parts for helper in part.form.helpers}.values())
-
-
-def _constants(part: EffectPart, functions: dict[str, Translated]) -> str:
-    used = "\n".join(translated.text for translated in functions.values())
+def _constants(part: EffectPart, functions: Mapping[str, Translated], prefix: str) -> str:
+    fixed = "\n".join(own.text for kind, own in functions.items() if kind != "prepare")
+    prepared = functions["prepare"].text if "prepare" in functions else ""
     lines = []
     for name, value in part.form.constants:
         full = f"{part.name}_{name}".upper()
-        if full not in used:
+        if re.search(rf"\b{full}\b", fixed + prepared) is None:
             continue
-        if isinstance(value, tuple):
-            lines.append(c_table("double", full, str(len(value)), value, Precision.DOUBLE))
-        else:
+        if not isinstance(value, tuple):
             lines.append(f"#define {full} {_bracketed(c_number(value, Precision.DOUBLE))}")
+            continue
+        table = c_table("double", full, str(len(value)), value, Precision.DOUBLE)
+        lines.append(table if re.search(rf"\b{full}\b", fixed) else _guarded(table, prefix))
     return "\n".join(lines)
 
 

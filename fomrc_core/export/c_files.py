@@ -49,6 +49,7 @@ def conditions(plan: ExportPlan) -> set[str]:
     options = plan.options
     kinds = {field.kind for _, field in _all_fields(plan)}
     is_beside = plan.is_beside
+    is_widened = options.is_forward and any(part.form.widening is not None for part in plan.parts)
     holds = {
         "float": options.precision is Precision.FLOAT,
         "doubles": options.precision is Precision.DOUBLE or FieldKind.WIDE in kinds,
@@ -56,7 +57,7 @@ def conditions(plan: ExportPlan) -> set[str]:
         "forward": options.is_forward,
         "inverse": options.is_inverse,
         "plays": options.is_forward or is_beside,
-        "plain_plays": is_beside or not any(part.form.widening is not None for part in plan.parts),
+        "plain_plays": is_beside or not is_widened,
         "sum_plays": is_beside,
         "stops": options.is_inverse and not is_beside,
         "sum_stops": options.is_inverse and not plan.is_searching_limits,
@@ -67,7 +68,7 @@ def conditions(plan: ExportPlan) -> set[str]:
         "limits_by_search": plan.is_searching_limits,
         "substeps": plan.steps.counts != (1,),
         "held": plan.is_held,
-        "widened": any(part.form.widening is not None for part in plan.parts),
+        "widened": is_widened,
         "bends": plan.steps.substeps is Substeps.BENDS,
     }
     return {name for name, is_true in holds.items() if is_true}

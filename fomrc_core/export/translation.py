@@ -43,7 +43,6 @@ _IN_PREPARE = {name: name for name in ("exp", "expm1", "sin", "cos", "sqrt", "lo
 _OWN = {name: {name, "rounded"} for name in ("exponential", "rounded")}
 _OWN |= {name: {name, "wave", "rounded"} for name in ("sine", "cosine")} | {"logarithm": {"logarithm"}}
 _OWN |= {name: {name} for name in ("least_of", "most_of", "size_of")}
-LIBRARY = "library"
 FAILURE = "failure"
 
 
@@ -80,8 +79,7 @@ class Translated:
     Attributes:
         text: its definition.
         parameters: its parameters, in the order of C, ``s`` and ``k`` first.
-        needs: functions of the file's own that it calls, ``LIBRARY`` where it calls the mathematical
-            library, ``FAILURE`` where it may have no answer.
+        needs: functions of the file's own that it calls, ``FAILURE`` where it may have no answer.
     """
 
     text: str
@@ -139,14 +137,20 @@ def step_function(function: StepFunction, c_name: str, around: Surroundings, is_
     return writer.definition(node, f"static {result} {c_name}({', '.join(parameters) or 'void'})", names)
 
 
-def helper_function(function: StepFunction) -> Translated:
-    """Return a helper in C: a function of numbers, which may call the mathematical library."""
+def helper_function(function: StepFunction, is_prepare: bool) -> Translated:
+    """Return a helper in C, a function of numbers.
+
+    Args:
+        function: in Python.
+        is_prepare: whether ``prepare`` alone calls it: then it may call the mathematical library.
+
+    Raises:
+        ParameterError: something C is not made of here, with the line.
+    """
     node = parsed(function)
     kinds = {"float": CType.NUMBER, "int": CType.COUNT}
     known: dict[str, CType] = {}
     around = Surroundings(function.__name__, {}, {}, {}, frozenset())
-    # What only the library has makes a helper one of ``prepare``.
-    is_prepare = bool(_called(node) & (set(_IN_PREPARE) - set(_IN_STEP)))
     writer = _Writer(function.__name__, around, known, is_prepare)
     for argument in node.args.args:
         annotation = ast.unparse(argument.annotation) if argument.annotation is not None else ""
@@ -155,11 +159,6 @@ def helper_function(function: StepFunction) -> Translated:
         known[argument.arg] = kinds[annotation]
     told = ", ".join(f"{kind.value} {name}" for name, kind in known.items())
     return writer.definition(node, f"static double {function.__name__}({told})", tuple(known))
-
-
-def _called(node: ast.FunctionDef) -> set[str]:
-    calls = (inner.func for inner in ast.walk(node) if isinstance(inner, ast.Call))
-    return {call.attr for call in calls if isinstance(call, ast.Attribute)}
 
 
 @dataclass
@@ -369,8 +368,6 @@ class _Writer:
         if name is None or node.keywords:
             raise self.refusal(node, f"the call of {called}")
         self.needs |= _OWN.get(name, set())
-        if called.startswith("math.") and self.is_prepare:
-            self.needs.add(LIBRARY)
         return f"{name}({', '.join(self._expression(argument)[0] for argument in node.args)})", CType.NUMBER
 
     def _length(self, node: ast.expr) -> int:

@@ -223,3 +223,11 @@ def test_a_temperature_counts_from_the_first_that_is_known(tmp_path) -> None:
         'printf("%g %g %g %g\\n", cold, first, warm, unknown);',
     )
     assert [float(line) for line in lines] == [0.0, 0.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("direction", [Direction.FORWARD, Direction.INVERSE])
+@pytest.mark.parametrize("flag", ["-DSTAGE_FIXED_STEP_ONLY", "-DANY_STEP"])
+def test_no_part_stands_there_unused(direction, flag, tmp_path) -> None:
+    export_model(EVERY, tmp_path, options(direction=direction))
+    command = ["gcc", *QUICK, flag, "-c", str(tmp_path / "stage.c"), "-o", str(tmp_path / "stage.o")]
+    subprocess.run(command, check=True)

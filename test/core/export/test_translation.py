@@ -118,7 +118,7 @@ def test_what_c_is_not_made_of_is_refused_with_its_line(function) -> None:
 
 def test_a_helper_says_its_types_and_a_lambda_has_no_source() -> None:
     with pytest.raises(ParameterError, match="annotated"):
-        helper_function(uses_a_power)
+        helper_function(uses_a_power, True)
     with pytest.raises(ParameterError, match="plain function"):
         step_function(lambda value: value, "thing_forward", AROUND)
 
