@@ -157,7 +157,12 @@ class ActuatorArray:
             raise ParameterError(
                 "number of values does not fit", where="values", value=given.shape, allowed=f"({self.n_actuators},)"
             )
-        answer: Array = self._run(state, np.array([step_s]), given[None, :])[0]
+        if not 0.0 < step_s < math.inf:
+            raise ParameterError("step is not positive", where="step_s", value=step_s, allowed="> 0 s, finite")
+        _check_finite(given)
+        out = np.empty((1, self.n_actuators))
+        self._step_all(state, step_s, given[None], out)
+        answer: Array = out[0]
         return answer
 
     def simulate(self, steps_s: Array, voltage_v: Array, state: ArrayState | None = None) -> Array:
@@ -228,24 +233,27 @@ class ActuatorArray:
             )
         if not np.all((steps > 0.0) & (steps < math.inf)):
             raise ParameterError("step is not positive", where="steps_s", allowed="> 0 s, finite")
-        if not np.all(np.isfinite(given)):
-            raise ParameterError("value is not finite", where="values", allowed="finite numbers")
+        _check_finite(given)
         out = np.empty_like(given)
-        kernel = compensate_array if state.is_inverse else simulate_array
-        slopes, thresholds, weights = self._form(state.is_inverse)
         start = 0
         while start < steps.size:
             stop = start + 1
             while stop < steps.size and steps[stop] == steps[start]:
                 stop += 1
-            tables = self._prepared(state, float(steps[start]))
-            kernel(
-                *(slopes, thresholds, weights, state.plays),
-                *(tables.decays, tables.weighted, tables.held, tables.now, state.modes, state.previous_um),
-                *(given[start:stop], out[start:stop]),
-            )
+            self._step_all(state, float(steps[start]), given[start:stop], out[start:stop])
             start = stop
         return out
+
+    def _step_all(self, state: ArrayState, step_s: float, values: Array, out: Array) -> None:
+        """Fill ``out`` with the answers to values that come in steps of one length, (n_samples, n_actuators)."""
+        tables = self._prepared(state, step_s)
+        slopes, thresholds, weights = self._form(state.is_inverse)
+        kernel = compensate_array if state.is_inverse else simulate_array
+        kernel(
+            *(slopes, thresholds, weights, state.plays),
+            *(tables.decays, tables.weighted, tables.held, tables.now, state.modes, state.previous_um),
+            *(values, out),
+        )
 
     def _prepared(self, state: ArrayState, step_s: float) -> _StepTables:
         """Return the tables of a step, with the state's modes brought to it."""
@@ -334,3 +342,9 @@ class ActuatorArray:
             thresholds[row, : form.thresholds.size] = form.thresholds
             weights[row, : form.weights.size] = form.weights
         return np.array([form.slope for form in forms]), thresholds, weights
+
+
+def _check_finite(values: Array) -> None:
+    # Not a number goes through both, and neither warns.
+    if not (values.min() > -math.inf and values.max() < math.inf):
+        raise ParameterError("value is not finite", where="values", allowed="finite numbers")

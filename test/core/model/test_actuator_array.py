@@ -93,8 +93,9 @@ def test_what_does_not_fit_is_named(array) -> None:
     for bad_step in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ParameterError, match="step is not positive"):
             array.advance(array.initial_state(), np.zeros(n), bad_step)
-    with pytest.raises(ParameterError, match="not finite"):
-        array.compensate(steps, np.where(voltage == voltage[9], np.nan, voltage))
+    for bad in (np.nan, np.inf, -np.inf):
+        with pytest.raises(ParameterError, match="not finite"):
+            array.compensate(steps, np.where(voltage == voltage[9], bad, voltage))
     with pytest.raises(ParameterError, match="state of a simulation"):
         array.compensate(steps, voltage, array.initial_state())
     saved = array.initial_state().to_mapping()
