@@ -68,6 +68,8 @@ def conditions(plan: ExportPlan) -> set[str]:
         "limits_by_search": plan.is_searching_limits,
         "substeps": plan.steps.counts != (1,),
         "held": plan.is_held,
+        "signals": any(part.covariate for part in plan.parts),
+        "started": bool(plan.forward_start),
         "widened": is_widened,
         "bends": plan.steps.substeps is Substeps.BENDS,
     }

@@ -7,6 +7,7 @@ from fomrc_core.export.options import Precision
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.template import read_template, render
 
+_LONG_LINE = 100  # samples an effect keeps: to look for one is worth a word
 _EXAMPLE = {
     "forward": """static piezo_forward actuator;
 piezo_forward_init(&actuator);
@@ -62,24 +63,41 @@ def _memory(plan: ExportPlan, ways: list[str]) -> str:
 
 
 def _worst_case(plan: ExportPlan) -> str:
-    n_plays, n_modes = plan.n_plays, plan.n_modes
+    n_plays, n_modes, n_parts = plan.n_plays, plan.n_modes, plan.steps.counts[-1]
     lines = [
-        f"Every fixed step does the same work, whatever the input: {n_plays} plays (two comparisons, a product and a "
-        f"sum each) and {n_modes} modes (four products and sums each). No loop waits for a tolerance."
+        f"Every part of a step does the same work, whatever the input: {n_plays} plays (two comparisons, a product and "
+        f"a sum each) and {n_modes} modes (four products and sums each), and what its effects do."
     ]
-    if plan.options.is_inverse:
+    if plan.options.is_forward and n_parts > 1:
+        lines.append(f"A forward step in which the voltage changes much is divided into up to {n_parts} parts.")
+    longest = max((len(field.initial) for part in plan.parts for field in part.form.state), default=0)
+    if longest > _LONG_LINE:
+        lines.append(f"An effect looks for a sample of the past among up to {longest}, from where it found the last.")
+    if plan.is_beside:
+        lines.append(f"An inverse step tries at most 160 voltages, each {n_plays} plays, usually less than ten.")
+    if plan.is_searching_limits:
         lines.append(
-            f"A limited step walks along at most {n_plays + 3} straight pieces of the hysteresis on top, each "
-            f"{n_plays} plays twice over, and only where the voltage is limited."
+            "A limited step, where the voltage is limited, tries at most 120 displacements, each an inverse step of a "
+            "copy of the state, usually less than ten."
+        )
+    elif plan.options.is_inverse:
+        lines.append(
+            f"A limited step, where the voltage is limited, walks along at most {n_plays + 3} straight pieces of the "
+            f"hysteresis on top, each {n_plays} plays twice over."
         )
     return "\n".join(lines)
 
 
 def _accuracy(plan: ExportPlan) -> str:
-    if plan.options.precision is Precision.FLOAT:
-        return (
-            "Numbers are single precision: answers agree with the Python model to 1e-5 of the largest (the self-test "
-            "checks it). What the slow creep modes gain in one step is less than their last digit: it is kept beside "
-            "them."
+    if plan.options.precision is Precision.DOUBLE:
+        return "Numbers are double precision: answers agree with the Python model to 1e-12 of the largest (self-test)."
+    lines = [
+        "Numbers are single precision: answers agree with the Python model to 1e-5 of the largest (self-test). What "
+        "the slow creep modes gain in one step is less than their last digit: it is kept beside them."
+    ]
+    if plan.parts:
+        lines.append(
+            "Effects compute in double precision, and so do their clocks. Where an answer jumps (across a dead zone, "
+            "at a turn, where contact is lost) it may do so a sample earlier or later than in double."
         )
-    return "Numbers are double precision: answers agree with the Python model to 1e-12 of the largest (self-test)."
+    return "\n".join(lines)

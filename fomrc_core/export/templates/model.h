@@ -43,7 +43,12 @@ typedef struct piezo_forward {
 @insert forward_fields
 } piezo_forward;
 
+@if started
+/* Make the state that in which the model starts: behind what went before its record. */
+@end
+@if not started
 /* Make the state that of a relaxed actuator. */
+@end
 void piezo_forward_init(piezo_forward *state);
 
 #ifndef PIEZO_FIXED_STEP_ONLY
