@@ -47,11 +47,18 @@ class Linearized(Generic[PointT]):
         equations: of the step that would be best were the residual linear in it.
         stepped: where a step, shape (n_coordinates,), leads; None where nothing is.
         longest_step: longest step of each coordinate to either side, shape (n_coordinates,); inf for any.
+        further_gain: by how much any step lowers the sum of squares beside, by what follows the coordinates.
     """
 
     equations: NormalEquations
     stepped: Callable[[Array], PointT | None]
     longest_step: Array
+    further_gain: float = 0.0
+
+    def promised(self, step: Array) -> float:
+        """Return by how much a step lowers the sum of squares, were the residual linear."""
+        along = float(step @ self.equations.moment)
+        return self.further_gain + 2.0 * along - float(step @ self.equations.gram @ step)
 
 
 LinearizedT = TypeVar("LinearizedT", bound=Linearized)  # type: ignore[type-arg]
@@ -105,7 +112,7 @@ def descend(
     point, damping = start, _FIRST_DAMPING
     linearized = linearize(point)
     for n_done in range(1, n_iterations + 1):
-        better, damping = _better(point, linearized, damping)
+        better, damping = _better(point, linearized, damping, least_gain * point.squared_error)
         if better is None:
             renewed = renew(point)
             if renewed is None:
@@ -122,11 +129,19 @@ def descend(
     return Descent(point, linearized, n_done, False)
 
 
-def _better(point: PointT, linearized: Linearized[PointT], damping: float) -> tuple[PointT | None, float]:
-    """Return the first point with a lesser error that ever more damped steps lead to, and its damping."""
+def _better(
+    point: PointT, linearized: Linearized[PointT], damping: float, least_gain: float
+) -> tuple[PointT | None, float]:
+    """Return the first point with a lesser error that ever more damped steps lead to, and its damping.
+
+    A step that does not even promise the least gain is not tried: the point is as good as the minimum.
+    """
     while damping < _LARGEST_DAMPING:
         step = damped_step(linearized.equations, damping)
-        trial = linearized.stepped(np.clip(step, -linearized.longest_step, linearized.longest_step))
+        step = np.clip(step, -linearized.longest_step, linearized.longest_step)
+        if linearized.promised(step) < least_gain:
+            break
+        trial = linearized.stepped(step)
         if trial is not None and trial.squared_error < point.squared_error:
             return trial, damping
         if not step.size:  # nothing that damping could shorten

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
-from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned, start_variants
+from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
@@ -18,7 +18,8 @@ from fomrc_core.diagnosis.screening import HeldView, Screened
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
-from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.linear_part import Tangent, squared_error
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
@@ -36,6 +37,12 @@ _TRAINING_COUNTS = 0.3
 _RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
 _LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
 _HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
+_MUCH_LEFT = 4.0  # times the noise's power: where nothing looks likely, the likeliest few are fitted all the same
+_UNPROMISING = 4  # of those few
+_STILL_OPEN = 1.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
+_FIRST_ITERATIONS, _MORE_ITERATIONS = 3, 6  # of all starts, and of those worth going on with
+_FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
+_SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
 _LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
@@ -98,6 +105,12 @@ def candidates_for(
     tasks = [(present, split, trials) for trials in by_cause]
     run = map if executor is None else executor.map
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
+    ahead = max((candidate.total_gain for candidate in found), default=0.0) - _STILL_OPEN
+    # no two are compared before they have come to rest
+    rest = [(present, split, candidate) for candidate in found if candidate.total_gain > ahead]
+    if len(rest) > 1:
+        found = [candidate for candidate in found if candidate.total_gain <= ahead]
+        found += run(_at_rest, rest)
     return sorted(found, key=lambda candidate: -candidate.total_gain)
 
 
@@ -113,6 +126,12 @@ def _worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scre
     for trial in screened:
         if trial.explained > limit or trial.explained_held > held_limit:
             by_cause.setdefault(trial.name, []).append(trial)
+    if not by_cause:
+        # what a large effect explains at full size its slope does not tell
+        best = [trial for trial in screened if error > _MUCH_LEFT * present.noise_um**2 * split.n_used]
+        for trial in best:
+            if len(by_cause) < _UNPROMISING or trial.name in by_cause:
+                by_cause.setdefault(trial.name, []).append(trial)
     if not by_cause:
         return []
     likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
@@ -154,34 +173,101 @@ def _fit_candidate(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Cand
     # the forms of what befell single records differ little until the base no longer bends to it
     ways = fits if bound else [best]
     best = min((_followed(way, split, error) for way in ways), key=lambda f: f.squared_error)
-    before, after = _held_pair(model, best, split, cause, bound)
-    n_free = len(free_parameters(best.model)) - len(free_parameters(model))
+    return _candidate(present, split, cause, best, bound)
+
+
+def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
+    """Return the candidate with its fit gone on until it moves no more."""
+    present, split, candidate = task
+    if candidate.fitted.is_converged or candidate.is_bound:
+        return candidate
+    fitted = fit_until_still(candidate.fitted.model, split.train)
+    if fitted.squared_error >= candidate.fitted.squared_error:
+        return candidate
+    return _candidate(present, split, candidate.cause, fitted, candidate.is_bound)
+
+
+def _candidate(present: PresentModel, split: DataSplit, cause: str, fitted: Refit, bound: bool) -> Candidate:
+    """Return the candidate of a joint refit, scored on held-out data."""
+    model = present.model
+    before, after = _held_pair(model, fitted, split, cause, bound)
+    n_free = len(free_parameters(fitted.model)) - len(free_parameters(model))
     longest = max(float(record.time_s[-1]) for record in split.train)
     step = min(float(np.median(record.steps_s)) for record in split.train)
-    acting = (c for at, c in best.model.found() if at is None or at < len(split.train))
+    acting = (c for at, c in fitted.model.found() if at is None or at < len(split.train))
     is_plausible = all(c.is_plausible(longest, step) for c in acting)
-    is_plausible = is_plausible and (not bound or _is_confirmed(best, split, cause))
-    train_gain = math.log(error / best.squared_error)
+    is_plausible = is_plausible and (not bound or _is_confirmed(fitted, split, cause))
+    train_gain = math.log(present.squared_error / fitted.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
-    return Candidate(cause, best, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
+    return Candidate(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
 
 
 def _fits_from_starts(present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool) -> list[Refit]:
-    """Return the joint refits of a cause from each of its starts, hopeless ones broken off."""
+    """Return the joint refits of a cause from the most promising of its starts.
+
+    All starts go a few iterations; of those that have come to the same valley one goes on, and of those far behind
+    none (successive halving).
+    """
+    begun = []
+    for start, given in _starts(present, split, trials, bound):
+        begun.append((refit(start, split.train, given, n_iterations=_FIRST_ITERATIONS), given))
+    begun.sort(key=lambda pair: pair[0].squared_error)
     fits: list[Refit] = []
+    gone_on: list[Refit] = []
+    for first, given in begun:
+        error = first.squared_error
+        hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
+        is_behind = bool(gone_on) and error > _FAR_BEHIND * gone_on[0].squared_error and not bound
+        if error > hopeless or is_behind:
+            break
+        if any(_is_same_valley(first, other, present, split) for other in gone_on):
+            continue
+        gone_on.append(first)
+        if first.is_converged:
+            fits.append(first)
+            continue
+        further = refit(first.model, split.train, given, n_iterations=_MORE_ITERATIONS, hopeless_um2=hopeless)
+        fits.append(min(further, first, key=lambda f: f.squared_error))
+    return fits
+
+
+def _starts(
+    present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool
+) -> list[tuple[TrialModel, Tangent | None]]:
+    """Return where the fits of a cause begin, with the directions of the linear part where those known still hold.
+
+    Where it is unsure how the records begin, starts of either assumption compete.
+    """
+    found: list[tuple[float, TrialModel, Tangent | None]] = []
     for variant, directions in start_variants(present, split):
         starts = fit_starts(variant, trials, bound, split, directions)
         if trials[0].cause.is_scanned:
             starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
         for start in starts:
             # a family of columns and a large effect turn the directions of the linear part: take them anew
-            is_new = start.weights.size != present.model.weights.size
-            is_new = is_new or clear_error(start, split, directions) > 2.0 * present.squared_error
-            hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-            given = None if is_new else directions
-            fits.append(refit(start, split.train, given, n_iterations=8, hopeless_um2=hopeless))
-    return fits
+            error = clear_error(start, split, directions)
+            is_new = start.weights.size != present.model.weights.size or error > 2.0 * present.squared_error
+            found.append((error, start, None if is_new else directions))
+    if bound:
+        return [(start, given) for _, start, given in found]
+    chosen: list[tuple[TrialModel, Tangent | None]] = []
+    forms: set[tuple[object, ...]] = set()
+    for _, start, given in sorted(found, key=lambda option: option[0]):
+        form = (tuple(p.spec.name for p in free_parameters(start)), start.weights.size)
+        if form not in forms or len(chosen) < N_STARTS:
+            chosen.append((start, given))
+            forms.add(form)
+    return chosen
+
+
+def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: DataSplit) -> bool:
+    """Return whether two starts of one form have come to nearly the same residual, beside what they explain."""
+    if tuple(p.spec.name for p in one.free) != tuple(p.spec.name for p in other.free):
+        return False
+    apart = tuple(a - b for a, b in zip(one.residual, other.residual, strict=True))
+    explained = present.squared_error - max(one.squared_error, other.squared_error)
+    return squared_error(split.train, apart) < _SAME_VALLEY * explained
 
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:

@@ -16,9 +16,10 @@ from fomrc_core.records.noise import autocorrelation_inflation
 
 SURE = 10.0  # difference in log likelihood that settles it
 _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
-# In the logarithm of the mean squared error: a third more of it is near, a sixth no difference from one held-out
-# stretch to another.
-_NEARLY, _HARDLY = 0.35, 0.15
+# In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
+# no difference from one held-out stretch to another.
+_NEARLY, _HARDLY = 0.7, 0.15
+_MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
 _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the base
 
@@ -47,12 +48,24 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
             continue
         learnt = other.train_log_gain - winner.train_log_gain
         lost = winner.held_gain - other.held_gain
-        is_richer = other.n_free > winner.n_free and cause_classes()[other.cause].generalizes != winner.cause
+        generalizes = cause_classes()[other.cause].generalizes == winner.cause
+        is_richer = other.n_free > winner.n_free and not generalizes
         if is_richer or learnt < 0.0 or lost > max(learnt, _HARDLY):
+            continue
+        if generalizes and not _surely_better(other, winner):
             continue
         if is_accepted(other, n_causes) and sure_gain(winner.fitted, other.fitted, split) > SURE:
             return other
     return winner
+
+
+def _surely_better(other: Candidate, winner: Candidate) -> bool:
+    """Return whether a candidate that holds the winner as a special case predicts surely better.
+
+    In training it cannot do worse, whatever the truth; only data it was not fitted to speak for what it adds.
+    """
+    same_shape = [a.size for a in other.held] == [b.size for b in winner.held]
+    return same_shape and loses_to(list(other.held), list(winner.held)) < _SIGNIFICANCE
 
 
 def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:
@@ -119,8 +132,11 @@ def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -
 
 
 def rivals_of(winner: Candidate, candidates: list[Candidate]) -> tuple[Candidate, ...]:
-    """Return the candidates that did nearly as well."""
-    return tuple(
+    """Return the few candidates that did nearly as well, the best first.
+
+    What is not known yet may have hidden more of one than of the other.
+    """
+    near = (
         other
         for other in candidates
         if other is not winner
@@ -130,6 +146,7 @@ def rivals_of(winner: Candidate, candidates: list[Candidate]) -> tuple[Candidate
         and other.score.log_gain > winner.score.log_gain - _NEARLY
         and other.train_log_gain > winner.train_log_gain - _NEARLY
     )
+    return tuple(sorted(near, key=lambda other: -other.total_gain)[:_MOST_RIVALS])
 
 
 def sure_gain(final: Refit, other: Refit, split: DataSplit) -> float:

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 _MAX_STARTS = 12  # instances simulated at full size, a simulation each
 _MAX_OTHER_FORMS = 4  # beside those, of forms that are not among them
-_N_STARTS = 3
+N_STARTS = 3
 
 
 def clear_error(start: TrialModel, split: DataSplit, directions: Tangent) -> float:
@@ -64,7 +64,7 @@ def fit_starts(
         if form not in tried:
             starts.append(option)
             tried.add(form)
-    starts += [option for option, _ in ordered if option not in starts][: max(_N_STARTS - len(starts), 0)]
+    starts += [option for option, _ in ordered if option not in starts][: max(N_STARTS - len(starts), 0)]
     return starts
 
 

@@ -21,6 +21,8 @@ from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.free_parameters import free_parameters
+from fomrc_core.fitting.joint_fit import effect_directions
 from fomrc_core.fitting.linear_part import centred, record_columns, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
@@ -66,7 +68,8 @@ class HeldView:
         record: the record.
         index: its number among all records.
         predicted_um: predicted displacement, jumps alone divided [um], shape (n_samples,).
-        columns: directions of the linear part [um], offset removed, shape (n_samples, n_columns + 1).
+        columns: directions in which the model can move [um], offset removed, those of the linear part and of each
+            parameter of its effects, shape (n_samples, n_directions); zero for what belongs to other records.
         residual_um: measured minus predicted, offset removed [um], shape (n_samples,).
     """
 
@@ -79,7 +82,14 @@ class HeldView:
     @classmethod
     def of(cls, model: TrialModel, record: FitRecord, index: int) -> HeldView:
         """Return the view of a record."""
-        columns = tangent(model.alone(index), (record,)).columns[0]
+        alone = model.alone(index)
+        columns = tangent(alone, (record,)).columns[0]
+        free = free_parameters(model)
+        shared = [k for k, parameter in enumerate(free) if parameter.index is None]
+        moved = np.zeros((record.time_s.size, len(free)))
+        if shared:
+            moved[:, shared] = effect_directions(alone, tuple(free[k] for k in shared), (record,))[0]
+        columns = np.column_stack((columns, moved))
         residual_um = centred(record.measured_um - predict(model, record, index), record.is_used)
         return cls(record, index, predict(model, record, index, is_coarse=True), columns, residual_um)
 
@@ -164,7 +174,7 @@ def signature(model: TrialModel, record: FitRecord, index: int, cause: Cause, pr
 
 
 def _screen_one(present: PresentModel, cause: Cause, index: int | None, held: HeldView | None = None) -> list[Screened]:
-    records, directions = present.records, present.directions
+    records, directions = present.records, present.nuisance
     try:
         signatures = tuple(
             centred(signature(present.model, record, i, cause, predicted_um), record.is_used)
@@ -196,7 +206,7 @@ def _screen_family(present: PresentModel, effect: Effect) -> Screened:
     def rows(index: int, record: FitRecord) -> tuple[Array, Array, Mask]:
         plays = centred(record_columns(family, record, index, present.model), record.is_used)
         if len(present.records) == 1:
-            base = present.directions.columns[index] @ present.directions.whitening
+            base = present.nuisance.columns[index] @ present.nuisance.whitening
             plays = plays - base @ product(base, plays, record.is_used)
         return plays, present.clear_um[index], record.is_used
 

@@ -31,6 +31,7 @@ from fomrc_core.model.causes import cause_classes
 MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
+_AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
 _PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 
@@ -189,6 +190,8 @@ def _better_rival(
     Where a rival was found later itself, the finding may have stood in for a third cause: the rival goes first if the
     cause that is then found beside it does better than all that has been found.
     """
+    if state.final.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used:
+        return None  # nothing is left that another cause could explain
     for at, step in enumerate(state.steps[:-1]):
         name = step.accepted.cause
         for rival in step.rivals:

@@ -126,6 +126,23 @@ def _directions(
     return tuple(parts)
 
 
+def effect_directions(
+    trial: TrialModel, free: tuple[FreeParameter, ...], records: tuple[FitRecord, ...]
+) -> tuple[Array, ...]:
+    """Return displacement per coordinate of these parameters [um], offset removed, per record (n_samples, n_free).
+
+    Zero in a record that is not the parameter's own.
+
+    Args:
+        trial: the model.
+        free: parameters of its effects.
+        records: the records.
+    """
+    coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
+    base = tuple(predict(trial, record, i) for i, record in enumerate(records))
+    return _directions(trial, free, coordinates, records, base)
+
+
 @dataclass(frozen=True, eq=False)
 class _Point:
     """Where a refit stands.
@@ -155,7 +172,7 @@ class _Linearized(Linearized[_Point]):
         directions: displacement per coordinate, linear part removed, per record (n_samples, n_free).
     """
 
-    directions: tuple[Array, ...]
+    directions: tuple[Array, ...] = ()
 
 
 def refit(
@@ -207,7 +224,8 @@ def refit(
             except ParameterError:
                 return None
 
-        return _Linearized(equations, stepped, longest, projected)
+        followed = point.squared_error - squared_error(records, clear)
+        return _Linearized(equations, stepped, longest, followed, projected)
 
     def renew(point: _Point) -> _Point | None:
         # a large effect turns the directions of the linear part: take them anew before giving up
