@@ -22,7 +22,7 @@ _PAGES = [_ROOT / "README.md", _ROOT / "CONTRIBUTING.md", *sorted((_ROOT / "docs
 _SAID = {
     "simulate": r"an amplifier of 50 Hz changes that by up to [\d.]+ nm",
     "compensate": r"compensated: largest error [\d.]+e-\d+ % of the stroke",
-    "identify": r"(?s)^good: error .*creep order 0\.015.*piezo model: 10 elements",
+    "identify": r"(?s)^good: error .*creep order 0\.015.*piezo model: 8 elements",
     "diagnose": r"(?s)status: explained.*\namplifier_bandwidth \(cutoff_hz (39|40)\.",
     "own_effect": r"effect interferometer_error \(amplitude_um 0\.005",
     "fleet": r"(?s)actuator_1\.csv: creep order .*actuator_3\.csv: creep order .*broken\.csv failed: ",
