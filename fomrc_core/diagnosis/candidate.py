@@ -9,17 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
-from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
-from fomrc_core.diagnosis.leverage import determined
+from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import HeldView, Screened
-from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
-from fomrc_core.fitting.linear_part import Tangent, squared_error
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
@@ -34,15 +32,11 @@ _CLOSE_TO_BEST = 0.2  # of what the best signature explains; a cause that explai
 # Of the logarithmic gain in training beside that on held-out data: any cause with more parameters gains there, so it
 # counts for less.
 _TRAINING_COUNTS = 0.3
-_RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
 _LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
-_HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
 _MUCH_LEFT = 4.0  # times the noise's power: where nothing looks likely, the likeliest few are fitted all the same
 _UNPROMISING = 4  # of those few
 _STILL_OPEN = 1.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
-_FIRST_ITERATIONS, _MORE_ITERATIONS = 3, 6  # of all starts, and of those worth going on with
-_FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
-_SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
+_NEAR = 0.15  # the same where a fit has converged on the plays it began with
 _LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
@@ -102,16 +96,27 @@ def candidates_for(
         executor: runs refits side by side where given.
     """
     by_cause = _worth_a_refit(present, split, screened)
-    tasks = [(present, split, trials) for trials in by_cause]
     run = map if executor is None else executor.map
+    begun = [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
+    least_um2 = min((first.fits[0][0].squared_error for first in begun), default=math.inf)
+    tasks = [(present, split, first, least_um2) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
-    ahead = max((candidate.total_gain for candidate in found), default=0.0) - _STILL_OPEN
     # no two are compared before they have come to rest
-    rest = [(present, split, candidate) for candidate in found if candidate.total_gain > ahead]
-    if len(rest) > 1:
-        found = [candidate for candidate in found if candidate.total_gain <= ahead]
+    best = max((candidate.total_gain for candidate in found), default=0.0)
+    near = [_is_open(candidate, best) for candidate in found]
+    if sum(near) > 1:
+        rest = [(present, split, candidate) for candidate, is_near in zip(found, near, strict=True) if is_near]
+        found = [candidate for candidate, is_near in zip(found, near, strict=True) if not is_near]
         found += run(_at_rest, rest)
     return sorted(found, key=lambda candidate: -candidate.total_gain)
+
+
+def _is_open(candidate: Candidate, best_gain: float) -> bool:
+    """Return whether a candidate may come to be the best once its fit has come to rest."""
+    if candidate.is_bound or candidate.train_log_gain <= 0.0:
+        return False
+    behind = best_gain - candidate.total_gain
+    return behind < (_NEAR if candidate.fitted.is_converged else _STILL_OPEN)
 
 
 def _worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
@@ -121,7 +126,14 @@ def _worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scre
     variance = error / split.n_used
     limit = min(_MIN_SCREENED * variance * min(inflation, _LARGEST_INFLATION), _ENOUGH_SHARE * error)
     held_error = sum(float(np.dot(v, v)) for v in held_residuals(present.model, split.held))
-    held_limit, limit = max(limit, _LEAST_SHARE * held_error), max(limit, _LEAST_SHARE * error)
+    # what weights learned from noise err there, any shape may explain
+    learned = max(
+        expected_excess(present.model, split.train, part, min(inflation, _LARGEST_INFLATION)) for part in split.held
+    )
+    n_held = sum(int(np.count_nonzero(part.record.is_used)) for part in split.held)
+    learned_error = min(learned, 1.0) * min(split.noise_um**2 * n_held, held_error)
+    held_limit = max(limit, _LEAST_SHARE * held_error, learned_error)
+    limit = max(limit, _LEAST_SHARE * error)
     by_cause: dict[str, list[Screened]] = {}
     for trial in screened:
         if trial.explained > limit or trial.explained_held > held_limit:
@@ -160,27 +172,15 @@ def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
     return HeldView.of(model, apart[0].record, apart[0].index) if apart else None
 
 
-def _fit_candidate(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Candidate | None:
-    present, split, trials = task
-    model, error, cause = present.model, present.squared_error, trials[0].name
-    bound = trials[0].cause.belongs_to_record()
-    trials = [trial for trial in trials if trial.cause.belongs_to_record() == bound]
-    fits = _fits_from_starts(present, split, trials, bound)
-    if not fits or min(f.squared_error for f in fits) > _HOPELESS * error:
-        return None
-    # as many more weights must earn their keep
-    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.model.n_owned > model.n_owned else 1.0))
-    # the forms of what befell single records differ little until the base no longer bends to it
-    ways = fits if bound else [best]
-    best = min((_followed(way, split, error) for way in ways), key=lambda f: f.squared_error)
-    return _candidate(present, split, cause, best, bound)
+def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, float]) -> Candidate | None:
+    present, split, begun, least_um2 = task
+    fitted = gone_on(present, split, begun, least_um2)
+    return None if fitted is None else _candidate(present, split, begun.cause, fitted, begun.is_bound)
 
 
 def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
     """Return the candidate with its fit gone on until it moves no more."""
     present, split, candidate = task
-    if candidate.fitted.is_converged or candidate.is_bound:
-        return candidate
     fitted = fit_until_still(candidate.fitted.model, split.train)
     if fitted.squared_error >= candidate.fitted.squared_error:
         return candidate
@@ -201,81 +201,6 @@ def _candidate(present: PresentModel, split: DataSplit, cause: str, fitted: Refi
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
     return Candidate(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
-
-
-def _fits_from_starts(present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool) -> list[Refit]:
-    """Return the joint refits of a cause from the most promising of its starts.
-
-    All starts go a few iterations; of those that have come to the same valley one goes on, and of those far behind
-    none (successive halving).
-    """
-    begun = []
-    for start, given in _starts(present, split, trials, bound):
-        begun.append((refit(start, split.train, given, n_iterations=_FIRST_ITERATIONS), given))
-    begun.sort(key=lambda pair: pair[0].squared_error)
-    fits: list[Refit] = []
-    gone_on: list[Refit] = []
-    for first, given in begun:
-        error = first.squared_error
-        hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-        is_behind = bool(gone_on) and error > _FAR_BEHIND * gone_on[0].squared_error and not bound
-        if error > hopeless or is_behind:
-            break
-        if any(_is_same_valley(first, other, present, split) for other in gone_on):
-            continue
-        gone_on.append(first)
-        if first.is_converged:
-            fits.append(first)
-            continue
-        further = refit(first.model, split.train, given, n_iterations=_MORE_ITERATIONS, hopeless_um2=hopeless)
-        fits.append(min(further, first, key=lambda f: f.squared_error))
-    return fits
-
-
-def _starts(
-    present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool
-) -> list[tuple[TrialModel, Tangent | None]]:
-    """Return where the fits of a cause begin, with the directions of the linear part where those known still hold.
-
-    Where it is unsure how the records begin, starts of either assumption compete.
-    """
-    found: list[tuple[float, TrialModel, Tangent | None]] = []
-    for variant, directions in start_variants(present, split):
-        starts = fit_starts(variant, trials, bound, split, directions)
-        if trials[0].cause.is_scanned:
-            starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
-        for start in starts:
-            # a family of columns and a large effect turn the directions of the linear part: take them anew
-            error = clear_error(start, split, directions)
-            is_new = start.weights.size != present.model.weights.size or error > 2.0 * present.squared_error
-            found.append((error, start, None if is_new else directions))
-    if bound:
-        return [(start, given) for _, start, given in found]
-    chosen: list[tuple[TrialModel, Tangent | None]] = []
-    forms: set[tuple[object, ...]] = set()
-    for _, start, given in sorted(found, key=lambda option: option[0]):
-        form = (tuple(p.spec.name for p in free_parameters(start)), start.weights.size)
-        if form not in forms or len(chosen) < N_STARTS:
-            chosen.append((start, given))
-            forms.add(form)
-    return chosen
-
-
-def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: DataSplit) -> bool:
-    """Return whether two starts of one form have come to nearly the same residual, beside what they explain."""
-    if tuple(p.spec.name for p in one.free) != tuple(p.spec.name for p in other.free):
-        return False
-    apart = tuple(a - b for a, b in zip(one.residual, other.residual, strict=True))
-    explained = present.squared_error - max(one.squared_error, other.squared_error)
-    return squared_error(split.train, apart) < _SAME_VALLEY * explained
-
-
-def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
-    """Return the refit with plays chosen anew, where it moved much or not to the end."""
-    if fitted.squared_error > 0.5 * error and fitted.is_converged:
-        return fitted
-    again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
-    return again if again.squared_error < fitted.squared_error else fitted
 
 
 def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.held_out_score import loses_to
+from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
@@ -60,12 +60,14 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
 
 
 def _surely_better(other: Candidate, winner: Candidate) -> bool:
-    """Return whether a candidate that holds the winner as a special case predicts surely better.
+    """Return whether what a candidate adds to another, which is a special case of it, would be a finding in itself.
 
     In training it cannot do worse, whatever the truth; only data it was not fitted to speak for what it adds.
     """
-    same_shape = [a.size for a in other.held] == [b.size for b in winner.held]
-    return same_shape and loses_to(list(other.held), list(winner.held)) < _SIGNIFICANCE
+    if [a.size for a in other.held] != [b.size for b in winner.held]:
+        return False
+    added = held_out_score(list(winner.held), list(other.held))
+    return added.p_value < _SIGNIFICANCE and added.is_worthwhile()
 
 
 def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:
@@ -97,7 +99,7 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
     n_train = _n_effective(winner.fitted, split)
     margins = []
     for other in candidates:
-        if other is winner or not other.is_plausible:
+        if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
             continue
         gained = 0.5 * n_train * math.log(other.fitted.squared_error / winner.fitted.squared_error)
         same_shape = len(other.held) == len(winner.held)
@@ -110,7 +112,13 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
 
 
 def simplest(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
-    """Return the candidate of fewest parameters among the winner and those that nothing tells from it."""
+    """Return the candidate of fewest parameters among the winner and those that nothing tells from it.
+
+    A winner that holds another candidate as a special case must predict surely better than that one.
+    """
+    special = next((c for c in candidates if c.cause == cause_classes()[winner.cause].generalizes), None)
+    if special is not None and is_accepted(special, n_causes) and not _surely_better(winner, special):
+        winner = special
     alike = [
         other
         for other in ties_of(winner, candidates, split)

@@ -11,10 +11,14 @@ from test.hidden.effects import CAUSES
 from test.hidden.study_scores import Outcome, answer
 
 
+_WORDS = ("ambiguous", "unexplained", "explained", "suspect", "error")
+
+
 def confusion(outcomes: list[Outcome]) -> tuple[list[str], list[str], np.ndarray]:
     """Return rows (hidden), columns (answered first) and counts over nulls and single effects."""
     rows = ["nothing", *CAUSES]
-    columns = ["nothing_found", *CAUSES, "ambiguous", "unexplained", "explained", "suspect", "error"]
+    others = sorted({answer(outcome) for outcome in outcomes} - {"nothing_found", *CAUSES, *_WORDS})
+    columns = ["nothing_found", *CAUSES, *others, *_WORDS]
     counts = np.zeros((len(rows), len(columns)), dtype=int)
     for outcome in outcomes:
         hidden = outcome["spec"]["causes"]

@@ -1,0 +1,146 @@
+"""The joint refits of a candidate cause, from the most promising of its starts (successive halving).
+
+All starts of all causes go a few iterations; of those that have come to the same valley one goes on, and of those far
+behind none (Jamieson and Talwalkar, 2016: non-stochastic best arm identification).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fomrc_core.diagnosis.data_split import DataSplit
+from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.screening import Screened
+from fomrc_core.fitting.base_fit import rebased
+from fomrc_core.fitting.free_parameters import free_parameters
+from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.linear_part import Tangent, squared_error
+from fomrc_core.fitting.trial_model import TrialModel
+
+_RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
+_HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
+_FIRST_ITERATIONS, _MORE_ITERATIONS = 3, 6  # of all starts, and of those worth going on with
+_FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
+_SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """The first iterations from each start of a cause.
+
+    Attributes:
+        cause: its name.
+        is_bound: whether its parameters belong to single records.
+        fits: each fit so far, the best first, with the directions of the linear part where those known still hold.
+    """
+
+    cause: str
+    is_bound: bool
+    fits: tuple[tuple[Refit, Tangent | None], ...]
+
+
+def begin(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Begun:
+    """Return the first iterations from the starts that the trial instances of one cause give."""
+    present, split, trials = task
+    bound = trials[0].cause.belongs_to_record()
+    trials = [trial for trial in trials if trial.cause.belongs_to_record() == bound]
+    fits = [
+        (refit(start, split.train, given, n_iterations=_FIRST_ITERATIONS), given)
+        for start, given in _starts(present, split, trials, bound)
+    ]
+    return Begun(trials[0].name, bound, tuple(sorted(fits, key=lambda pair: pair[0].squared_error)))
+
+
+def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: float) -> Refit | None:
+    """Return the best joint refit of a cause; None where none comes near the present model.
+
+    Args:
+        present: the present model.
+        split: records.
+        begun: the first iterations of the cause.
+        least_um2: the least sum of squares of all causes after theirs [um^2]: one far above it goes no further.
+    """
+    first = begun.fits[0][0]
+    if not begun.is_bound and first.squared_error > _HOPELESS * max(least_um2, _noise_um2(present, split)):
+        return first if first.squared_error < present.squared_error else None
+    fits = _further(present, split, begun)
+    if not fits or min(f.squared_error for f in fits) > _HOPELESS * present.squared_error:
+        return None
+    # as many more weights must earn their keep
+    n_owned = present.model.n_owned
+    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.model.n_owned > n_owned else 1.0))
+    # the forms of what befell single records differ little until the base no longer bends to it
+    ways = fits if begun.is_bound else [best]
+    followed = (_followed(way, split, present.squared_error) for way in ways)
+    return min(followed, key=lambda f: f.squared_error)
+
+
+def _noise_um2(present: PresentModel, split: DataSplit) -> float:
+    return present.noise_um**2 * split.n_used
+
+
+def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refit]:
+    fits: list[Refit] = []
+    begun_valleys: list[Refit] = []
+    for first, given in begun.fits:
+        error = first.squared_error
+        hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
+        is_behind = bool(begun_valleys) and error > _FAR_BEHIND * begun_valleys[0].squared_error
+        if error > hopeless or (is_behind and not begun.is_bound):
+            break
+        if any(_is_same_valley(first, other, present, split) for other in begun_valleys):
+            continue
+        begun_valleys.append(first)
+        if first.is_converged:
+            fits.append(first)
+            continue
+        further = refit(first.model, split.train, given, n_iterations=_MORE_ITERATIONS, hopeless_um2=hopeless)
+        fits.append(min(further, first, key=lambda f: f.squared_error))
+    return fits
+
+
+def _starts(
+    present: PresentModel, split: DataSplit, trials: list[Screened], bound: bool
+) -> list[tuple[TrialModel, Tangent | None]]:
+    """Return where the fits of a cause begin, with the directions of the linear part where those known still hold.
+
+    Where it is unsure how the records begin, starts of either assumption compete.
+    """
+    found: list[tuple[float, TrialModel, Tangent | None]] = []
+    for variant, directions in start_variants(present, split):
+        starts = fit_starts(variant, trials, bound, split, directions)
+        if trials[0].cause.is_scanned:
+            starts = [scanned(start, split, directions, trial) for start, trial in zip(starts, trials, strict=False)]
+        for start in starts:
+            # a family of columns and a large effect turn the directions of the linear part: take them anew
+            error = clear_error(start, split, directions)
+            is_new = start.weights.size != present.model.weights.size or error > 2.0 * present.squared_error
+            found.append((error, start, None if is_new else directions))
+    if bound:
+        return [(start, given) for _, start, given in found]
+    chosen: list[tuple[TrialModel, Tangent | None]] = []
+    forms: set[tuple[object, ...]] = set()
+    for _, start, given in sorted(found, key=lambda option: option[0]):
+        form = (tuple(p.spec.name for p in free_parameters(start)), start.weights.size)
+        if form not in forms or len(chosen) < N_STARTS:
+            chosen.append((start, given))
+            forms.add(form)
+    return chosen
+
+
+def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: DataSplit) -> bool:
+    """Return whether two starts of one form have come to nearly the same residual, beside what they explain."""
+    if tuple(p.spec.name for p in one.free) != tuple(p.spec.name for p in other.free):
+        return False
+    apart = tuple(a - b for a, b in zip(one.residual, other.residual, strict=True))
+    explained = present.squared_error - max(one.squared_error, other.squared_error)
+    return squared_error(split.train, apart) < _SAME_VALLEY * explained
+
+
+def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
+    """Return the refit with plays chosen anew, where it moved much or not to the end."""
+    if fitted.squared_error > 0.5 * error and fitted.is_converged:
+        return fitted
+    again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
+    return again if again.squared_error < fitted.squared_error else fitted
