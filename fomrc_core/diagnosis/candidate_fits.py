@@ -89,7 +89,8 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
         is_behind = bool(begun_valleys) and error > _FAR_BEHIND * begun_valleys[0].squared_error
         if error > hopeless or (is_behind and not begun.is_bound):
             break
-        if any(_is_same_valley(first, other, present, split) for other in begun_valleys):
+        # pasts that look alike from one record differ in what they say of the others
+        if not begun.is_bound and any(_is_same_valley(first, other, present, split) for other in begun_valleys):
             continue
         begun_valleys.append(first)
         if first.is_converged:

@@ -10,7 +10,6 @@ import numpy as np
 from test.hidden.effects import CAUSES
 from test.hidden.study_scores import Outcome, answer
 
-
 _WORDS = ("ambiguous", "unexplained", "explained", "suspect", "error")
 
 
