@@ -43,7 +43,7 @@ setup(
     description="Hysteresis and creep of piezo actuators: simulate, invert, fit, find what a model misses",
     license="Apache-2.0",
     maintainer="fomrc maintainers",
-    maintainer_email="maintainers@fomrc.invalid",
+    maintainer_email="maintainers@users.noreply.h-seed-39e1938a.example",
     python_requires=">=3.10",
     package_data={"fomrc_core": ["py.typed"], "fomrc_core.export": ["templates/*"]},
     packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),

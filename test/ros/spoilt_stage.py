@@ -8,6 +8,7 @@ from __future__ import annotations
 import random
 import signal
 import sys
+import time
 
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
@@ -34,6 +35,7 @@ class SpoiltStage:
         self._model = PiezoModel.from_mapping(MODEL)
         self._state = self._model.initial_state()
         self._voltage_v, self._n_moving, self._stuck_um = 0.0, 0, 0.0
+        self._last_s = time.monotonic()
         self._publisher = self.node.create_publisher(Float64, "displacement", qos_profile_sensor_data)
         self.node.create_subscription(Float64, "voltage", self._on_voltage, 10)
         self.node.create_timer(PERIOD_S, self._tick)
@@ -43,7 +45,10 @@ class SpoiltStage:
         self._voltage_v = message.data
 
     def _tick(self) -> None:
-        moved_um = self._model.advance(self._state, self._voltage_v, PERIOD_S) + self._random.gauss(0.0, 1e-3)
+        # A stage creeps on while a busy machine lets no timer run: its steps are as long as they were.
+        now_s = time.monotonic()
+        step_s, self._last_s = max(now_s - self._last_s, 1e-6), now_s
+        moved_um = self._model.advance(self._state, self._voltage_v, step_s) + self._random.gauss(0.0, 1e-3)
         if self._kind == "noise":
             moved_um = self._random.gauss(0.0, 1.0)
         elif self._kind == "reversed":
