@@ -73,6 +73,7 @@ setup(
             "compensator = fomrc_ros.compensator.node:main",
             "simulated_pea = fomrc_ros.simulated_stage.node:main",
             "identification = fomrc_ros.identification.node:main",
+            "watch = fomrc_ros.watch.node:main",
             "gap_command = fomrc_ros.gap.nodes:command_main",
             "gap_monitor = fomrc_ros.gap.nodes:monitor_main",
         ],
