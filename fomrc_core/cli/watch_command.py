@@ -12,6 +12,7 @@ from fomrc_core.cli.options import Columns, Rate, Recordings, Topics, read, say
 
 # What is simulated at a time of a long recording.
 _N_CHUNK = 100_000
+_SAME_PERIOD = 0.01
 
 
 def watch(
@@ -41,6 +42,7 @@ def watch(
 
     from fomrc_core.diagnosis.watch.model_watch import ModelWatch, WatchSettings, WatchState
     from fomrc_core.diagnosis.watch.naming import name_case
+    from fomrc_core.errors import RecordingError
     from fomrc_core.report.change_files import change_line, change_results, write_change
     from fomrc_core.storage import check_outputs, make_directory, read_fit_error, read_model, write_text
 
@@ -66,6 +68,13 @@ def watch(
         moved_um = record.measured_um
         if watcher is None:
             watcher = ModelWatch(actuator, record.sample_period_s, settings, fit_rms_um)
+        elif abs(record.sample_period_s - watcher.period_s) > _SAME_PERIOD * watcher.period_s:
+            raise RecordingError(
+                "sampled at another period than the first record",
+                where=str(path),
+                value=record.sample_period_s,
+                allowed=f"{watcher.period_s:g} s",
+            )
         else:
             watcher.begin_record()
         for start in range(0, record.n_samples, _N_CHUNK):

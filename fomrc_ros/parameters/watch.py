@@ -62,7 +62,7 @@ def watch_specs() -> tuple[ParameterSpec, ...]:
             is_read_only=True,
         ),
         ParameterSpec("auto_apply", False, "hand an extended model that is better to the compensator, if it passes"),
-        ParameterSpec("output_folder", "watch", "folder for the log and a page of each change"),
+        ParameterSpec("output_folder", "watch", "folder for the log and a page of each change", is_read_only=True),
         ParameterSpec(
             "allowed_folders", default_folders(), "folders files may be read from and written to", is_read_only=True
         ),

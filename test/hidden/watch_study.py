@@ -46,6 +46,7 @@ NAMES = {
     "clock": ("clock_skew",),
     "loose_contact": ("loose_contact",),
 }
+HOUR_S = 3600.0
 DAY_S, NORMAL_S, AFTER_S = 86400.0, 200.0, 90.0
 CALIBRATION_HZ, DAY_HZ, FAST_HZ = 200.0, 100.0, 1000.0
 THERMAL_UM = 0.05
@@ -83,6 +84,16 @@ def false_alarms(seed: int, n_elements: int | str) -> tuple[list[str], float]:
         part = slice(start, start + 10_000)
         alarms += watch.take(np.full(drive[part].size, 1.0 / DAY_HZ), drive[part], moved[part])
     return [str(alarm) for alarm in alarms], (time.process_time() - began) / DAY_S
+
+
+def fast_false_alarms(seed: int, n_elements: int | str) -> list[str]:
+    """Return the alarms of an hour of normal work at 1 kHz, with the dynamics."""
+    stage = draw_stage(seed)
+    bare, fit_rms_um = identified(stage, seed, n_elements)
+    drive = day(HOUR_S, stage.largest_v, FAST_HZ, np.random.default_rng((seed, 5)))
+    moved = stage.measured_um(stage.displacement_um(drive, FAST_HZ), np.random.default_rng((seed, 6)))
+    watch = ModelWatch(with_dynamics(bare, stage), 1.0 / FAST_HZ, fit_rms_um=fit_rms_um)
+    return [str(alarm) for alarm in watch.take(np.full(drive.size, 1.0 / FAST_HZ), drive, moved)]
 
 
 def motion_s(drive_v: np.ndarray, since_s: float, until_s: float) -> float:
@@ -129,6 +140,7 @@ def main() -> None:
     """Print what was measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--days", type=int, default=10, help="days of normal work, one stage each")
+    parser.add_argument("--hours", type=int, default=5, help="hours of normal work at 1 kHz, one stage each")
     parser.add_argument("--seeds", type=int, default=5, help="stages for each kind of change")
     parser.add_argument("--factors", type=float, nargs="*", default=[10.0, 3.0], help="sizes, in rms of the noise")
     parser.add_argument("--elements", default="auto", help="elements of the model in force")
@@ -141,6 +153,10 @@ def main() -> None:
         print(f"day {seed}: {len(alarms)} false alarms, {100.0 * share:.3f} % of a core {alarms[:3]}", flush=True)
     if given.days:
         print(f"false alarms: {total} in {given.days} days of normal work", flush=True)
+    fast = [fast_false_alarms(seed, n_elements) for seed in range(1, given.hours + 1)]
+    if fast:
+        said = [alarm for alarms in fast for alarm in alarms]
+        print(f"false alarms: {len(said)} in {given.hours} hours of normal work at 1 kHz {said[:3]}", flush=True)
     rows = []
     for seed in range(1, given.seeds + 1):
         for row in changes(seed, tuple(given.factors), n_elements):
