@@ -31,7 +31,7 @@ _LAYERS: tuple[tuple[str, ...], ...] = (
     ("fomrc_ros.conversions", "fomrc_ros.node"),
     ("fomrc_ros.parameters",),
     ("fomrc_ros.compensator", "fomrc_ros.gap", "fomrc_ros.identification", "fomrc_ros.simulated_stage"),
-    ("fomrc_ros.demo",),
+    ("fomrc_ros.demo", "fomrc_ros.watch"),
     ("fomrc_ros",),
 )
 _LAYER_OF_ROOM = {room: k for k, layer in enumerate(_LAYERS) for room in layer}

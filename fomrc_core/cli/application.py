@@ -14,6 +14,7 @@ from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
+from fomrc_core.cli.watch_command import watch
 from fomrc_core.errors import FomrcError
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
@@ -52,6 +53,7 @@ application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
+application.command()(watch)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)

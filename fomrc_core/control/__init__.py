@@ -10,6 +10,7 @@ __all__ = [
     "loop_timing",
     "model_gate",
     "plausible_model",
+    "stage_stream",
     "tick_grid",
     "voltage_limits",
 ]

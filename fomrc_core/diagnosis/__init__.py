@@ -3,4 +3,4 @@
 ``diagnose`` is the way in.
 """
 
-__all__ = ["diagnosis", "findings", "judgement"]
+__all__ = ["diagnosis", "findings", "judgement", "watch"]

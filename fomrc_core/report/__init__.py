@@ -4,6 +4,7 @@ Nothing is computed here that a number elsewhere depends on.
 """
 
 __all__ = [
+    "change_files",
     "diagnosis_files",
     "diagnosis_fleet",
     "fit_results",

@@ -6,7 +6,7 @@ file, the line or field, the value found and what is allowed.
 
 from fomrc_core.storage.atomic import make_directory, write_text
 from fomrc_core.storage.bags import write_bag
-from fomrc_core.storage.model_files import model_to_parameters, read_model, write_model
+from fomrc_core.storage.model_files import model_to_parameters, read_fit_error, read_model, write_model
 from fomrc_core.storage.output_paths import check_outputs, files_in
 from fomrc_core.storage.recordings import read_recording, read_target, write_columns, write_recording
 
@@ -18,6 +18,7 @@ __all__ = [
     "measured_examples",
     "model_to_parameters",
     "plain_yaml",
+    "read_fit_error",
     "read_model",
     "read_recording",
     "read_target",

@@ -38,6 +38,20 @@ def read_model(path: str | os.PathLike[str]) -> PiezoModel:
         ) from None
 
 
+def read_fit_error(path: str | os.PathLike[str]) -> float:
+    """Return the error of the fit a model file's model came from [um], 0 where the file does not say.
+
+    Raises:
+        StorageError: not readable, not plain YAML, or nested otherwise.
+        ParameterError: it is no number, or less than 0.
+    """
+    where = os.fspath(path)
+    value = _model_block(load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where), where).get(FIT_ERROR, 0.0)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < float("inf"):
+        raise ParameterError("not an error", where=f"{where}, model.{FIT_ERROR}", value=value, allowed=">= 0, in um")
+    return float(value)
+
+
 def write_model(model: PiezoModel, path: str | os.PathLike[str], fit_rms_um: float | None = None) -> None:
     """Write a model as a ROS parameter file that reads back bit for bit.
 

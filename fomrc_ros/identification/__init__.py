@@ -3,4 +3,4 @@
 The work is that of ``fomrc_core``; here is how it is asked for and reported.
 """
 
-__all__ = ["node"]
+__all__ = ["compensator_client", "node", "stage_recorder"]

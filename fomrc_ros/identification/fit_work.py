@@ -158,11 +158,14 @@ def calibrate(request: CalibrationRequest, tell: Tell) -> FitAnswer:
         found = identify(
             [request.recording], n_elements=request.n_elements or "auto", method=request.method, progress=tell
         )
-        if found.undetermined_elements:
+        while found.undetermined_elements and found.model.n_elements > 1:
             # More elements than the drive tells apart: those it does are a model of the same stage.
             n_elements = fewer_elements(found.model.n_elements, found.undetermined_elements)
             found = identify([request.recording], n_elements=n_elements, method=request.method, progress=tell)
-        reason = why_refused(found.model, request.recording, in_force=request.in_force)
+        if found.undetermined_elements:
+            reason = f"undetermined: {found.reason}"
+        else:
+            reason = why_refused(found.model, request.recording, in_force=request.in_force)
     except FomrcError as error:
         reason = str(error)
     if reason:

@@ -90,6 +90,16 @@ class StageRecorder:
             if self._is_recording:
                 _append(self._seen, self._interface.time_s(message, time_s), moved_um)
 
+    def drain(self) -> tuple[Array, Array]:
+        """Return what was kept since the last call, times [s] and voltages [V], times and displacements [um].
+
+        Each of shape (n, 2). It is kept no longer: for who listens without end.
+        """
+        sent, seen = np.array(self._sent).reshape(-1, 2), np.array(self._seen).reshape(-1, 2)
+        # Times go forward from the last one, also over the seam.
+        self._sent, self._seen = [], []
+        return sent, seen
+
     def recording(self, name: str, n_expected: int, period_s: float) -> Recording:
         """Return what was driven and measured, brought to the times of the voltage.
 

@@ -3,4 +3,4 @@
 They lie together because one file may serve all nodes: each passes over what is another's, and no misspelt name.
 """
 
-__all__ = ["compensator", "gap", "identification", "names", "simulated_stage"]
+__all__ = ["compensator", "gap", "identification", "names", "simulated_stage", "watch"]

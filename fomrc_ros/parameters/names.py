@@ -10,6 +10,7 @@ from fomrc_ros.parameters.compensator import compensator_specs
 from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.parameters.identification import identification_specs
 from fomrc_ros.parameters.simulated_stage import SPECS as STAGE_SPECS
+from fomrc_ros.parameters.watch import watch_specs
 
 
 @functools.cache
@@ -19,6 +20,7 @@ def names_of_package() -> frozenset[str]:
         *compensator_specs(),
         *identification_specs(),
         *STAGE_SPECS,
+        *watch_specs(),
         GEOMETRY_SPEC,
         AXES_SPEC,
         RATE_SPEC,

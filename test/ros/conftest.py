@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +18,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-from harness import NodeUnderTest, Probe
+from harness import REPOSITORY, NodeUnderTest, Probe, die_with_the_test
 
 
 @pytest.fixture
@@ -39,3 +42,20 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeUnderTest]]:
         if node.process.poll() is None:
             node.process.kill()
             node.process.wait()
+
+
+@pytest.fixture
+def spoilt() -> Iterator:
+    """Start stages whose sensor is spoilt."""
+    stages: list[subprocess.Popen] = []
+
+    def start(kind: str) -> None:
+        paths = (REPOSITORY, REPOSITORY / "test" / "ros", REPOSITORY / "test" / "core")
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(map(str, paths)))
+        command = [sys.executable, str(Path(__file__).with_name("spoilt_stage.py")), kind]
+        stages.append(subprocess.Popen(command, env=environment, preexec_fn=die_with_the_test))
+
+    yield start
+    for stage in stages:
+        stage.kill()
+        stage.wait()

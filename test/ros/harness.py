@@ -39,6 +39,7 @@ MODULES = {
     "identification": "fomrc_ros.identification",
     "gap_command": "fomrc_ros.gap",
     "gap_monitor": "fomrc_ros.gap",
+    "watch": "fomrc_ros.watch",
 }
 _LIBC = ctypes.CDLL(None)
 _READ_BEST_EFFORT = QoSProfile(depth=20000, reliability=ReliabilityPolicy.BEST_EFFORT)

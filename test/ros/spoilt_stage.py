@@ -1,6 +1,7 @@
 """A stage whose sensor is broken in a chosen way, as a process: voltage in, displacement out at 500 Hz.
 
-What it moves is a model of its own; what it tells is noise, reversed, stuck from half way on, or has outliers.
+What it moves is a model of its own; what it tells is noise, reversed, stuck from half way on, or has outliers. The
+scale of the sensor is what it last heard on ``sensor_scale``.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import random
 import signal
 import sys
+import time
 
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
@@ -34,16 +36,25 @@ class SpoiltStage:
         self._model = PiezoModel.from_mapping(MODEL)
         self._state = self._model.initial_state()
         self._voltage_v, self._n_moving, self._stuck_um = 0.0, 0, 0.0
+        self._last_s = time.monotonic()
+        self._scale = 1.0
         self._publisher = self.node.create_publisher(Float64, "displacement", qos_profile_sensor_data)
         self.node.create_subscription(Float64, "voltage", self._on_voltage, 10)
+        self.node.create_subscription(Float64, "sensor_scale", self._on_scale, 10)
         self.node.create_timer(PERIOD_S, self._tick)
 
     def _on_voltage(self, message: Float64) -> None:
         self._n_moving += message.data != self._voltage_v
         self._voltage_v = message.data
 
+    def _on_scale(self, message: Float64) -> None:
+        self._scale = message.data
+
     def _tick(self) -> None:
-        moved_um = self._model.advance(self._state, self._voltage_v, PERIOD_S) + self._random.gauss(0.0, 1e-3)
+        # A stage creeps on while a busy machine lets no timer run: its steps are as long as they were.
+        now_s = time.monotonic()
+        step_s, self._last_s = max(now_s - self._last_s, 1e-6), now_s
+        moved_um = self._model.advance(self._state, self._voltage_v, step_s) + self._random.gauss(0.0, 1e-3)
         if self._kind == "noise":
             moved_um = self._random.gauss(0.0, 1.0)
         elif self._kind == "reversed":
@@ -54,7 +65,7 @@ class SpoiltStage:
             moved_um += self._random.choice((-1.0, 1.0))
         else:
             self._stuck_um = moved_um
-        self._publisher.publish(Float64(data=1e-6 * moved_um))
+        self._publisher.publish(Float64(data=1e-6 * self._scale * moved_um))
 
 
 def main() -> None:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import REPOSITORY, die_with_the_test, model_file
+from harness import model_file
 from small_model import MODEL
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -32,23 +27,6 @@ HASTY = {
     # On a busy machine a borrower may be held up; the test of the lease has a short one.
     "lease_s": 20.0,
 }
-
-
-@pytest.fixture
-def spoilt() -> Iterator:
-    """Start stages whose sensor is spoilt."""
-    stages: list[subprocess.Popen] = []
-
-    def start(kind: str) -> None:
-        paths = (REPOSITORY, REPOSITORY / "test" / "ros", REPOSITORY / "test" / "core")
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(map(str, paths)))
-        command = [sys.executable, str(Path(__file__).with_name("spoilt_stage.py")), kind]
-        stages.append(subprocess.Popen(command, env=environment, preexec_fn=die_with_the_test))
-
-    yield start
-    for stage in stages:
-        stage.kill()
-        stage.wait()
 
 
 def compensator_and_identification(tmp_path, start, **options):

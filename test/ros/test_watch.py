@@ -1,0 +1,85 @@
+"""The watch as a process: silent while the stage is its model, and then says what has changed."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import PATIENCE_S, clean, model_file
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from small_model import MODEL
+from std_msgs.msg import Float64, String
+
+from fomrc_core.storage import read_model
+
+RATE_HZ = 500.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+QUICK = {"learn_s": 10.0, "follow_s": 6.0, "memory_s": 60.0, "output_folder": "seen"}
+
+
+def swing_m(t: float) -> float:
+    return 1e-6 * (0.8 * math.sin(2.0 * t) + 0.4 * math.sin(5.3 * t) + 0.3 * math.sin(0.7 * t))
+
+
+def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, spoilt):
+    file = model_file(tmp_path / "model.yaml", stale_after_s=0.0)
+    start("compensator", file, rate_hz=RATE_HZ)
+    spoilt("sound")
+    watch = start("watch", tmp_path / "model.yaml", auto_apply=True, **QUICK)
+    told: list[dict] = []
+    probe.subscribe(String, f"{watch.name}/changes", lambda _, m: told.append(json.loads(m.data)), LATCHED)
+    scale = probe.publisher("sensor_scale")
+    targets = probe.publisher("desired_position")
+    driven = {"s": 0.0}
+
+    def drive_until(condition, what: str) -> None:
+        deadline_s = driven["s"] + PATIENCE_S
+        while not condition():
+            assert driven["s"] < deadline_s, f"{what}: {probe.messages.get(watch.name)}\n{watch.output()}"
+            probe.drive(targets, lambda t: swing_m(t + driven["s"]), 1.0)
+            driven["s"] += 1.0
+
+    drive_until(lambda: probe.diagnostics.get(watch.name, {}).get("state") == "watching", "learning what is normal")
+    before_s = driven["s"]
+    drive_until(lambda: driven["s"] > before_s + 5.0, "normal work")
+    assert probe.levels[watch.name] == DiagnosticStatus.OK
+    assert told[-1] == {"changes": []}
+    scale.publish(Float64(data=0.8))
+    drive_until(lambda: told and told[-1]["changes"], "the change")
+    change = told[-1]["changes"][0]
+    print(f"seen after {driven['s'] - before_s - 5.0:.0f} s: {change['cause']}, {change['causes'][0]}")
+    assert change["cause"] == "sensor_scale"
+    assert change["causes"][0]["parameters"]["relative_change"] == pytest.approx(-0.2, abs=0.02)
+    assert change["data_after"]["is_better"]
+    assert probe.levels[watch.name] == DiagnosticStatus.WARN
+    folder = tmp_path / "seen"
+    assert "sensor_scale" in (folder / "watch.log").read_text()
+    assert len((folder / "watch.log").read_text().splitlines()) == 1
+    assert "sensor_scale" in (folder / "change_1" / "change.html").read_text()
+    extended = read_model(folder / "change_1" / "extended_model.yaml")
+    assert extended.kappa_um_per_v[0] == pytest.approx(0.8 * MODEL["kappa_um_per_v"][0], rel=0.02)
+    in_force = list(probe.get("/compensator", "model.kappa_um_per_v"))
+    assert change["applied"].startswith("applied"), change["applied"]
+    assert in_force == pytest.approx(extended.kappa_um_per_v)
+    assert probe.trigger(f"{watch.name}/acknowledge").success
+    probe.until(lambda: probe.levels[watch.name] == DiagnosticStatus.OK, "the warning taken back")
+    assert watch.stop() == 0
+    assert [line for line in clean(watch.output()) if "[WARN]" not in line] == []
+
+
+def test_without_a_model_or_a_compensator_it_says_so(tmp_path, probe, start):
+    alone = start("watch", compensator="")
+    probe.until(lambda: "no model" in probe.messages.get(alone.name, ""), "the warning")
+    assert probe.levels[alone.name] == DiagnosticStatus.WARN
+    values = {f"model__{name}": value for name, value in MODEL.items()}
+    assert probe.set_all(alone.name, **values).successful
+    probe.until(lambda: probe.levels[alone.name] == DiagnosticStatus.OK, "the model in force")
+    assert alone.stop() == 0
+    asking = start("watch", service_timeout_s=0.5)
+    probe.until(lambda: "does the compensator run?" in probe.messages.get(asking.name, ""), "the warning")
+    assert asking.stop() == 0
+    shown = yaml.safe_load(yaml.safe_dump(probe.messages[asking.name]))
+    assert "list_parameters" in shown
