@@ -28,6 +28,7 @@ from fomrc_core.comparison.baselines.rival import (
 from fomrc_core.comparison.result import Comparison, InverseQuality, Row
 from fomrc_core.errors import FomrcError
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent
 from fomrc_core.storage import make_directory
@@ -69,7 +70,8 @@ def compare(
         RecordingError: a record without displacement.
     """
     # Many arguments: the choices of one comparison, each with its usual value and given by name.
-    records = [train] if isinstance(train, Recording) else list(train)
+    records = [examine(r).recording for r in ([train] if isinstance(train, Recording) else train)]
+    test = examine(test).recording
     learned = [training_record(r, settle_s=settle_s, skip_s=skip_s) for r in records]
     held = training_record(test, settle_s=settle_s, skip_s=skip_s)
     entrants: list[Rival] = [*(all_rivals() if rivals is None else rivals), Fomrc()]

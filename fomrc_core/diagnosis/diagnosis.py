@@ -22,6 +22,7 @@ from fomrc_core.diagnosis.extended_model import never_worse
 from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
+from fomrc_core.diagnosis.looked_over import LookedOver
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.present_model import residual_inflation
@@ -38,6 +39,7 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.drive import longest_sweep
 from fomrc_core.records.noise import NoiseFloor, noise_floor
+from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
@@ -61,7 +63,7 @@ class RecordView:
         measured_um: measured displacement [um].
         residual_before_um: measured minus the base model [um], offset removed.
         residual_after_um: measured minus the extended model [um], offset removed.
-        is_scored: samples that say something of the model.
+        is_scored: samples that say something of the model, those that are not valid left out.
     """
 
     name: str
@@ -99,6 +101,7 @@ class Diagnosis:
         extended_model: the model with what was found.
         records: every record before and after.
         quoted_on: which record before and after are quoted on.
+        data_quality: what is wrong with the samples of each record, and which of them were left out.
     """
 
     status: Status
@@ -117,6 +120,7 @@ class Diagnosis:
     extended_model: PiezoModel
     records: tuple[RecordView, ...]
     quoted_on: str
+    data_quality: tuple[DataQuality, ...] = ()
 
     def __str__(self) -> str:
         return self.summary()
@@ -124,6 +128,7 @@ class Diagnosis:
     def summary(self) -> str:
         """Return the diagnosis in a few lines."""
         lines = [f"status: {self.status.value}; noise floor {1e3 * self.noise_floor_um:.3g} nm rms"]
+        lines += [f"data quality: {quality}" for quality in self.data_quality if quality.faults]
         lines += [finding.sentence() for finding in self.findings]
         if self.ambiguous_with:
             lines.append(f"cannot be told from: {', '.join(self.ambiguous_with)}")
@@ -165,7 +170,8 @@ def diagnose(
     # Many arguments: the choices of one diagnosis, each with its usual value and given by name.
     tell = progress or (lambda _share, _text: None)
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    check_usable([r for r in (*given, test, report) if r is not None])
+    looked = LookedOver.of(given, test, report)
+    check_usable(looked.records)
     for name in excluded_causes:
         if name not in cause_classes():
             raise ParameterError(
@@ -174,10 +180,15 @@ def diagnose(
     wanted = {name: kind for name, kind in cause_classes().items() if name not in excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if not kind.adds_elements)
     tell(0.02, "noise floor")
-    noise = noise_floor(given)
-    split = split_data(given, test, report, noise.floor_um)
+    noise = noise_floor(looked.train)
+    split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
     tell(0.05, "base model")
     base = _base(split, N_THRESHOLDS)
+    again = looked.again(_residuals_of_all(base, split))
+    if again is not looked:
+        looked, noise = again, noise_floor(again.train)
+        split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
+        base = _base(split, N_THRESHOLDS)
     found = search(base, split, causes, tell, executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
     coarse = coarse_model(model, split) if model is not None else None
@@ -185,7 +196,16 @@ def diagnose(
     tell(0.96, "number of elements")
     if coarse is not None and elements is not None:
         first = missing_step(elements, coarse, base, found.model, split, len(cause_classes()))
-    return _result(split, noise, base if first is None else coarse or base, found, first, tell)
+    result = _result(split, noise, base if first is None else coarse or base, found, first, tell)
+    return replace(result, data_quality=looked.quality)
+
+
+def _residuals_of_all(base: TrialModel, split: DataSplit) -> list[Array]:
+    """Return what the base model leaves of each record, learnt from or held out [um], in their order."""
+    everything = [HeldOut(record, i) for i, record in enumerate(split.train)]
+    everything += [h for h in (*split.held, *split.report) if h.index >= len(split.train)]
+    found = {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
+    return [_best_start(base, record, index) for index, record in sorted(found.items())]
 
 
 def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
@@ -253,8 +273,10 @@ def _views(
     views, errors, cleaned = [], [], []
     for role, part in roles:
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
-        before = _best_start(base, record, part.index)
-        after = _best_start(model, record, part.index)
+        # what was read at samples that are not valid is no residual, and is shown as none
+        valid = record.recording.valid_samples
+        before = bridged(_best_start(base, record, part.index), valid)
+        after = bridged(_best_start(model, record, part.index), valid)
         views.append(
             RecordView(
                 record.recording.name,

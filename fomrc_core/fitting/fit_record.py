@@ -53,21 +53,21 @@ class FitRecord:
         is_used: NDArray[np.bool_] | None = None,
         substeps: Substeps = Substeps.NONE,
     ) -> FitRecord:
-        """Return the prepared recording; every sample used, and no step divided, unless told."""
+        """Return the prepared recording; every valid sample used, and no step divided, unless told."""
         return cls(
             recording,
             recording.time_s - recording.time_s[0],
             recording.steps_s,
             recording.voltage_v,
             recording.measured_um,
-            np.ones(recording.n_samples, dtype=np.bool_) if is_used is None else is_used,
+            recording.valid_samples if is_used is None else is_used & recording.valid_samples,
             Covariates.of_recording(recording),
             substeps,
         )
 
     def using(self, is_used: NDArray[np.bool_]) -> FitRecord:
-        """Return the same record with another choice of samples."""
-        return replace(self, is_used=is_used)
+        """Return the same record with another choice of samples; those that are not valid are never used."""
+        return replace(self, is_used=is_used & self.recording.valid_samples)
 
     def at_rest(self) -> Prehistory:
         """Return the start from a long rest at the first voltage."""

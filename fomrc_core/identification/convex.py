@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -29,6 +29,7 @@ from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.quality import DataQuality, Examined, examine, examine_residual
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
@@ -71,6 +72,7 @@ class Fit:
         relative_standard_errors: of slope, weights and thresholds of the play form, shape (2 n + 1,).
         undetermined_elements: elements (by ascending threshold) whose weight or threshold the data leave open.
         starts: how each record was found to begin: "relaxed" or "rested at its first voltage".
+        data_quality: what is wrong with the samples of each training record, and of the held-out one.
     """
 
     model: PiezoModel
@@ -86,6 +88,7 @@ class Fit:
     relative_standard_errors: Array
     undetermined_elements: tuple[int, ...]
     starts: tuple[str, ...]
+    data_quality: tuple[DataQuality, ...] = ()
 
     def __str__(self) -> str:
         lines = [
@@ -96,6 +99,7 @@ class Fit:
         ]
         if not math.isnan(self.test_nrmse_percent):
             lines.append(f"NRMSE {self.test_nrmse_percent:.4g} % held out")
+        lines[1:1] = [str(quality) for quality in self.data_quality if quality.faults]
         return "\n".join(lines)
 
 
@@ -138,7 +142,11 @@ def identify(
     """
     tell = progress or (lambda _share, _text: None)
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    check_usable(given)
+    looked = [examine(record) for record in given]
+    held_out = examine(test) if test is not None else None
+    check_usable([e.recording for e in looked])
+    quality = tuple(e.quality for e in (*looked, held_out) if e is not None)
+    given, test = [e.recording for e in looked], held_out.recording if held_out is not None else None
     if method == "paper":
         from fomrc_core.identification.paper import identify_paper
 
@@ -146,7 +154,8 @@ def identify(
             raise ParameterError(
                 "the paper's route needs a number", where="n_elements", value=n_elements, allowed="1 to 60"
             )
-        return fit_of(identify_paper(given, n_elements=n_elements, progress=progress).model, given, test)
+        fit = fit_of(identify_paper(given, n_elements=n_elements, progress=progress).model, given, test)
+        return replace(fit, data_quality=quality)
     if method != "convex":
         raise ParameterError("unknown method", where="method", value=method, allowed="convex, paper")
     if n_elements != "auto" and not (isinstance(n_elements, int) and 1 <= n_elements <= 60):
@@ -158,6 +167,12 @@ def identify(
     starts = choose_starts(records)
     tell(0.15, "weights on the grid of thresholds")
     dense, order = _dense_form(records, starts)
+    again = _looked_at_again(dense, order, records, starts)
+    if again is not None:
+        given = [e.recording for e in again]
+        quality = (*(q.joined(e.quality) for q, e in zip(quality, again, strict=False)), *quality[len(again) :])
+        records = tuple(FitRecord.of(r) for r in given)
+        dense, order = _dense_form(records, starts)
     if n_elements == "auto":
         best = _choose_count(dense, order, records, starts, test, tell)
     else:
@@ -165,7 +180,16 @@ def identify(
         tell(0.5, f"fit of {n_elements} elements")
         best = _fitted_elements(dense, order, n_elements, records, starts)
     tell(0.95, "error and uncertainty")
-    return _result(best, records, starts, given, test)
+    return replace(_result(best, records, starts, given, test), data_quality=quality)
+
+
+def _looked_at_again(
+    dense: OperatorSum, order: float, records: tuple[FitRecord, ...], starts: Starts
+) -> list[Examined] | None:
+    """Return the records with what stands out of the residual of a first fit masked too; None where nothing does."""
+    left = residuals(trial_of(dense, order, records, starts), records)
+    again = [examine_residual(r.recording, v) for r, v in zip(records, left, strict=True)]
+    return again if any(e.quality.faults for e in again) else None
 
 
 def _dense_form(records: tuple[FitRecord, ...], starts: Starts) -> tuple[OperatorSum, float]:
@@ -235,7 +259,7 @@ def _result(
 ) -> Fit:
     model = PiezoModel(*elements_from_play_form(best.form), best.order, shortest_time_s=shortest_time(records))
     n = best.form.thresholds.size
-    noise_variance = best.squared_error / sum(r.time_s.size for r in records)
+    noise_variance = best.squared_error / sum(int(np.count_nonzero(r.is_used)) for r in records)
     errors = np.sqrt(variances_of(best.information) * noise_variance)
     weights, thresholds = errors[1 : 1 + n], errors[1 + n : 1 + 2 * n]
     undetermined = np.flatnonzero((weights > _UNDETERMINED) | (thresholds > _UNDETERMINED))
@@ -266,15 +290,15 @@ def fit_of(
     left, offsets = [], []
     for index, record in enumerate(records):
         raw = record.measured_um - predict(trial, record, index)
-        offsets.append(float(np.mean(raw)))
-        left.append(raw - np.mean(raw))
-    error = rms(np.concatenate(left))
+        offsets.append(float(np.mean(raw[record.is_used])))
+        left.append(raw - offsets[-1])
+    error = rms(np.concatenate([v[r.is_used] for v, r in zip(left, records, strict=True)]))
     noise = noise_floor(list(recordings)).floor_um
     test_error = float("nan")
     if test is not None:
         held = (FitRecord.of(test),)
         (held_left,) = residuals(trial_of(model.play_form, model.creep_order, held, choose_starts(held)), held)
-        test_error = normalised_percent(rms(held_left), [held[0].measured_um])
+        test_error = normalised_percent(rms(held_left[held[0].is_used]), [held[0].measured_um])
     if errors is None:
         errors = ParameterErrors(math.nan, np.full(2 * model.n_elements + 1, np.nan), ())
     outcome, reason = _judged(error, noise, len(errors.undetermined_elements), model.n_elements)

@@ -145,8 +145,8 @@ def identify_paper(
         kappa, saturation = elements_from_rising_curve(*_rising_curve(recordings, notes), n_elements)
         start = PiezoModel(kappa, saturation, _order_from_holds(recordings, notes))
     n = start.n_elements
-    records = [(r.steps_s, np.asarray(r.voltage_v), np.asarray(r.measured_um)) for r in recordings]
-    n_samples = sum(r.n_samples for r in recordings)
+    records = [(r.steps_s, np.asarray(r.voltage_v), np.asarray(r.measured_um), r.valid_samples) for r in recordings]
+    n_samples = sum(int(np.count_nonzero(valid)) for _, _, _, valid in records)
     scale = np.concatenate([start.kappa_um_per_v, start.saturation_v, [max(start.creep_order, 1e-3)]])
     n_simulations = 0
 
@@ -157,8 +157,8 @@ def identify_paper(
     def errors(model: PiezoModel) -> tuple[float, Array]:
         offsets = np.empty(len(records))
         total = 0.0
-        for k, (steps, voltage, measured) in enumerate(records):
-            residual = measured - model.simulate(steps, voltage)
+        for k, (steps, voltage, measured, valid) in enumerate(records):
+            residual = (measured - model.simulate(steps, voltage))[valid]
             offsets[k] = residual.mean()
             total += float(np.sum((residual - offsets[k]) ** 2))
         return total / n_samples, offsets

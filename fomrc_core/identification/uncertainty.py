@@ -23,6 +23,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.trial_model import predict
 from fomrc_core.identification.convex import Fit
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
 
 Array = NDArray[np.float64]
@@ -119,7 +120,7 @@ def estimate_uncertainty(
     """
     if n_replicates < 20:
         raise ParameterError("too few replicates", where="n_replicates", value=n_replicates, allowed="20 or more")
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    given = [examine(r).recording for r in ([recordings] if isinstance(recordings, Recording) else recordings)]
     records = tuple(FitRecord.of(r) for r in given)
     starts = choose_starts(records)
     model = fit.model

@@ -32,6 +32,7 @@ class Recording:
         temperature_c: temperature [degC], where recorded.
         cross_voltage_v: voltage on the second axis [V], where recorded.
         cross_displacement_um: displacement of the second axis [um], where recorded.
+        is_valid: samples whose displacement counts, shape (n_samples,), bool; None for all. See ``records.quality``.
         name: what to call the record in messages.
 
     Raises:
@@ -45,6 +46,7 @@ class Recording:
     temperature_c: NDArray[np.float64] | None = None
     cross_voltage_v: NDArray[np.float64] | None = None
     cross_displacement_um: NDArray[np.float64] | None = None
+    is_valid: NDArray[np.bool_] | None = None
     name: str = "recording"
 
     def __post_init__(self) -> None:
@@ -64,6 +66,8 @@ class Recording:
                     value=values.size,
                     allowed=f"{n_samples} samples",
                 )
+        if self.is_valid is not None:
+            object.__setattr__(self, "is_valid", _checked_mask(self.is_valid, n_samples, self.name))
         steps = np.diff(self.time_s)
         if np.any(steps <= 0.0):
             k = int(np.argmax(steps <= 0.0)) + 1
@@ -115,6 +119,11 @@ class Recording:
         return steps
 
     @property
+    def valid_samples(self) -> NDArray[np.bool_]:
+        """Samples whose displacement counts, a new array of shape (n_samples,)."""
+        return np.ones(self.n_samples, dtype=np.bool_) if self.is_valid is None else self.is_valid.copy()
+
+    @property
     def measured_um(self) -> NDArray[np.float64]:
         """Measured displacement [um]; raises RecordingError where it was not recorded."""
         if self.displacement_um is None:
@@ -136,7 +145,22 @@ class Recording:
             for field in fields(self)
             if field.name in _ARRAY_FIELDS and getattr(self, field.name) is not None
         }
+        if self.is_valid is not None:
+            return replace(self, is_valid=self.is_valid[inside], **cut)
         return replace(self, **cut)
+
+
+def _checked_mask(values: object, n_samples: int, where: str) -> NDArray[np.bool_]:
+    mask = np.array(values)
+    if mask.dtype != np.bool_ or mask.shape != (n_samples,):
+        raise RecordingError(
+            "is_valid does not say of each sample whether it counts",
+            where=where,
+            value=(str(mask.dtype), mask.shape),
+            allowed=f"bool, shape ({n_samples},)",
+        )
+    mask.flags.writeable = False
+    return mask
 
 
 def _checked_column(values: object, field_name: str, where: str) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.quality import noisy_end
 from fomrc_core.records.recording import Recording
 
 N_SAMPLES_MIN = 100
@@ -110,6 +111,15 @@ def _check_not_clipped(record: Recording) -> None:
                 value=end_um,
                 allowed="a sensor inside of its range",
             )
+    end = noisy_end(record)
+    if end is not None:
+        raise RecordingError(
+            f"sensor is clipped: {end.n_samples} samples, the first at {end.first_s:.6g} s, lie flat at the "
+            f"{end.name} reading but for noise, without creep, while the voltage moves on",
+            where=f"{record.name}: displacement_um",
+            value=end.level_um,
+            allowed="a sensor inside of its range",
+        )
 
 
 def _runs(is_at_end: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

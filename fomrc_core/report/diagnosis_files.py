@@ -20,6 +20,7 @@ from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
 from fomrc_core.report.diagnosis_page import page
+from fomrc_core.report.quality_view import quality_figure, quality_results
 from fomrc_core.storage import write_model, write_text
 from fomrc_core.storage.atomic import write_bytes
 
@@ -53,6 +54,9 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> Non
     all_records = records_figure(diagnosis)
     if all_records is not None:
         figures["records"] = png(all_records)
+    faulty = quality_figure(diagnosis)
+    if faulty is not None:
+        figures["quality"] = png(faulty)
     left = np.concatenate([v.residual_after_um for v in diagnosis.records if v.role == "train"])
     write_model(diagnosis.extended_model, folder / MODEL_NAME, rms(left))
     write_bytes(figures["where"], folder / FIGURE_NAME)
@@ -95,6 +99,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
                 for test in diagnosis.judgement.dependences
             ],
         },
+        "data_quality": [quality_results(quality) for quality in diagnosis.data_quality],
         "quoted_on": {"name": diagnosis.quoted_on, "role": quoted_record(diagnosis).role},
         "records": [
             {

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from fomrc_core.model.causes import cause_classes
+from fomrc_core.report.quality_view import quality_section
 
 if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
@@ -40,7 +41,8 @@ def page(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> str:
 
     Args:
         diagnosis: what was found.
-        figures: PNG images: "simulation", "where" and, where there are several records, "records".
+        figures: PNG images: "simulation", "where" and, where there are several records, "records"; "quality" where
+            readings were left out.
     """
     parts = [
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>Diagnosis</title>",
@@ -49,6 +51,9 @@ def page(diagnosis: Diagnosis, figures: Mapping[str, bytes]) -> str:
         "<h2>What was simulated, and what is left</h2>",
         f"<p>{_simulated(diagnosis)}</p>",
         _image(figures["simulation"], "measured and simulated displacement over time"),
+        "<h2>Data quality</h2>",
+        *quality_section(diagnosis),
+        *([_image(figures["quality"], "readings that were left out")] if "quality" in figures else []),
         "<h2>Where it is wrong</h2>",
         "<p class='small'>All records together. A lag shows against the rate, a curved scale against the voltage, "
         "wrong loops against the place in the loop, creep and relaxation against the time at rest, hum and "

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from fomrc_core.report.quality_view import quality_results
+
 if TYPE_CHECKING:
     from fomrc_core.identification.convex import Fit
     from fomrc_core.identification.uncertainty import Uncertainty
@@ -42,6 +44,7 @@ def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any
         "test_nrmse_percent": _number(fit.test_nrmse_percent),
         "offsets_um": [_number(offset) for offset in fit.offsets_um],
         "starts": list(fit.starts),
+        "data_quality": [quality_results(quality) for quality in fit.data_quality],
         "creep_order": fit.model.creep_order,
         "creep_order_standard_error": _number(fit.creep_order_standard_error),
         "relative_standard_errors": [_number(error) for error in fit.relative_standard_errors],

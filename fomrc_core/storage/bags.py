@@ -203,7 +203,7 @@ def _aligned(series: dict[str, tuple[NDArray[np.int64], NDArray[np.float64]]], w
             value=int(times_ns.size),
             allowed="2 or more",
         )
-    fields: dict[str, NDArray[np.float64]] = {}
+    fields: dict[str, Any] = {}
     for quantity, (stamps_ns, values) in series.items():
         last = np.searchsorted(stamps_ns, times_ns, side="right") - 1
         _, field, scale = _QUANTITIES[quantity]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ def read_recording(
     else:
         table, found = _columns_as_told(table, columns)
     _demand(found, ("voltage_v",), table.where, header)
-    values = _fields(table, found, rate_hz, header)
+    values: dict[str, Any] = {**_fields(table, found, rate_hz, header)}
     return Recording(**values, name=Path(path).name)
 
 

@@ -47,7 +47,7 @@ def training_record(recording: Recording, *, settle_s: float = 0.0, skip_s: floa
     displacement = np.concatenate([np.full(n_held, recording.measured_um[0]), recording.measured_um])
     steps = np.concatenate([np.full(n_held, recording.sample_period_s), recording.steps_s])
     elapsed = recording.time_s - recording.time_s[0]
-    is_scored = np.concatenate([np.zeros(n_held, dtype=bool), elapsed >= skip_s])
+    is_scored = np.concatenate([np.zeros(n_held, dtype=bool), (elapsed >= skip_s) & recording.valid_samples])
     return TrainingRecord(steps, voltage, displacement, is_scored, n_held)
 
 

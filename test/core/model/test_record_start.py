@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,28 @@ def test_simulating_leaves_the_start_as_it_is() -> None:
     start = estimate_start(_MODEL, record)
     np.testing.assert_array_equal(simulate_from(_MODEL, record, start), simulate_from(_MODEL, record, start))
     np.testing.assert_array_equal(simulate_from(_MODEL, record, start, 50), simulate_from(_MODEL, record, start)[:50])
+
+
+@pytest.mark.parametrize("cut", [3456, 5678, 6543, 7890, 9999])
+def test_a_record_that_begins_in_mid_motion_is_predicted_from_its_first_sample(cut: int) -> None:
+    time_s = np.arange(20_000) * _STEP_S
+    voltage_v = 1.0 + (0.6 + 0.4 * np.cos(2.0 * np.pi * 0.07 * time_s)) * np.sin(2.0 * np.pi * 0.9 * time_s)
+    truth_um = _MODEL.simulate(np.full(time_s.size, _STEP_S), voltage_v)
+    noise_um = np.random.default_rng(cut).normal(0.0, 1e-3, time_s.size)
+    record = Recording(time_s[cut:], voltage_v[cut:], (truth_um + noise_um)[cut:] - 120.0)
+    start = estimate_start(_MODEL, record)
+    left_um = simulate_from(_MODEL, record, start) - (truth_um[cut:] - 120.0)
+    # of a stroke of 2.5 um, from the first sample on; a rest or one excursion leave up to 42 nm
+    assert float(np.max(np.abs(left_um))) < 0.012
+    assert float(np.sqrt(np.mean(left_um[:2000] ** 2))) < 4e-3
+    assert start.description.startswith("in motion, about")
+
+
+def test_a_spike_in_the_first_samples_changes_no_start() -> None:
+    record, _ = _record([2.0, 1.0], 0.5)
+    spoilt = record.measured_um.copy()
+    spoilt[[20, 300]] += 50.0
+    masked = np.ones(record.n_samples, dtype=bool)
+    masked[[20, 300]] = False
+    found = estimate_start(_MODEL, replace(record, displacement_um=spoilt, is_valid=masked))
+    assert found.offset_um == pytest.approx(estimate_start(_MODEL, record).offset_um, abs=1e-4)

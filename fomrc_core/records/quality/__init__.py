@@ -1,0 +1,20 @@
+"""What went wrong between the sensor and the file: found before a fit, masked where it can be, and told.
+
+``examine`` looks at a record alone, ``examine_residual`` at what a first fit leaves of it.
+"""
+
+from fomrc_core.records.quality.clipping import NoisyEnd, noisy_end
+from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
+from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+
+__all__ = [
+    "DataFault",
+    "DataQuality",
+    "Examined",
+    "FaultKind",
+    "NoisyEnd",
+    "bridged",
+    "examine",
+    "examine_residual",
+    "noisy_end",
+]

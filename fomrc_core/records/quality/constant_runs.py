@@ -1,0 +1,131 @@
+"""Readings that stay exactly the same: a sensor that dropped to one value, or that stuck."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.records.quality.excursions import Surroundings
+
+Index = NDArray[np.int64]
+
+_N_SAME_MIN = 3  # times a value must come back exactly to be that of a dropout
+_FALSE_ALARMS = 1e-3  # a record
+_N_LEVELS_MIN = 4
+_OFF_LATTICE = 0.1
+_ROUNDING = 1e-9  # of the range
+_JUMPED_SHARE = 0.3
+_N_STUCK_MIN = 5
+_RELEASE = 0.5  # of what the drive did meanwhile: what comes at once when a stuck sensor reads again
+_BACK = 0.5  # of the jump: how near a record is, after a dropout, to where it was, what the drive did taken out
+
+
+def runs_of_same(values: Array) -> tuple[Index, Index]:
+    """Return where each stretch of exactly equal values begins and ends (exclusive), single values with them."""
+    edges = np.flatnonzero(values[1:] != values[:-1]) + 1
+    return np.concatenate(([0], edges)), np.concatenate((edges, [values.size]))
+
+
+def find_dropouts(displacement_um: Array, around: Surroundings, is_excursion: Mask) -> Mask:
+    """Return the samples that jumped to a value the record has jumped to several times, shape (n_samples,).
+
+    Args:
+        displacement_um: readings [um], shape (n_samples,).
+        around: the same less what follows the drive.
+        is_excursion: samples already found to be excursions, whose values are tried too.
+    """
+    starts, stops = runs_of_same(displacement_um)
+    inner = (starts > 0) & (stops < displacement_um.size)
+    starts, stops = starts[inner], stops[inner]
+    value, rest = displacement_um[starts], around.rest_um
+    into = rest[starts] - rest[starts - 1]
+    out = rest[stops - 1] - rest[stops]
+    jump = np.minimum(np.abs(into), np.abs(out))
+    returns = np.abs(rest[stops] - rest[starts - 1]) < _BACK * jump
+    limit = np.maximum(around.least_um(starts), around.least_um(np.minimum(stops, rest.size - 1)))
+    jumps = (into * out > 0.0) & (jump > limit) & returns
+    told, counts = np.unique(np.concatenate((value[jumps], displacement_um[is_excursion])), return_counts=True)
+    visits = np.searchsorted(np.sort(value), told, side="right") - np.searchsorted(np.sort(value), told)
+    # a coarse sensor reads the same value on its way too: of a dropout most visits are jumps
+    constants = told[(counts >= _N_SAME_MIN) & (counts > _JUMPED_SHARE * visits)]
+    # one long stay at one value is a dropout too: no motion is exactly constant between two jumps back and forth
+    long = jumps & (stops - starts >= _N_STUCK_MIN)
+    found = np.zeros(displacement_um.size, dtype=np.bool_)
+    # what is known to be the value of a dropout need not jump far
+    aside = (np.abs(into) > around.floor_um) & (np.abs(out) > around.floor_um) & (into * out > 0.0)
+    for start, stop in zip(*_chosen(starts, stops, long | (aside & np.isin(value, constants))), strict=True):
+        found[start:stop] = True
+    # several in a row are apart by their own value only
+    return found | (is_excursion & np.isin(displacement_um, constants))
+
+
+def find_stuck(
+    voltage_v: Array, displacement_um: Array, followed_um: Array, around: Surroundings, step_um: float
+) -> tuple[Mask, float]:
+    """Return the samples at which the sensor stuck, shape (n_samples,), and the largest jump at a release [um].
+
+    Either the reading makes good at once, when it comes back, what the drive did meanwhile: neither a dead zone nor a
+    gap of play does so. Or the noise of the sensor is larger than its step, so that equal readings in a row are none
+    of its own: as many as never come by chance, while the drive moves by more than the noise.
+    """
+    starts, stops = runs_of_same(displacement_um)
+    length = stops - starts
+    n_equal = int(np.count_nonzero(np.diff(displacement_um) == 0.0))
+    # at either end of its range a sensor is clipped, which is another matter
+    value = displacement_um[starts]
+    inside = (value > np.min(displacement_um)) & (value < np.max(displacement_um))
+    kept = (length >= _N_STUCK_MIN) & inside
+    starts, stops, length = starts[kept], stops[kept], length[kept]
+    found = np.zeros(displacement_um.size, dtype=np.bool_)
+    if not starts.size:
+        return found, 0.0
+    after = np.minimum(stops, displacement_um.size - 1)
+    jump = displacement_um[after] - displacement_um[stops - 1]
+    went = followed_um[after] - followed_um[starts]
+    last = np.abs(followed_um[after] - followed_um[stops - 1])
+    fine = step_um if np.isfinite(step_um) else _finest_gap_um(displacement_um)
+    limit = np.maximum(around.least_um(after), 4.0 * fine)
+    is_released = (
+        (np.abs(jump) > limit)
+        & (jump * went > 0.0)
+        & (np.abs(jump) > _RELEASE * np.abs(went))
+        & (np.abs(jump) > 4.0 * last)
+        & (np.abs(went) > 4.0 * last)
+    )
+    moved = np.array([float(np.ptp(voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)]) * around.gain
+    # by chance: as often as the other readings are equal to the one before
+    share = (n_equal - length + 2.0) / displacement_um.size
+    is_chance = displacement_um.size * share ** (length - 1.0) > _FALSE_ALARMS
+    is_never = (around.noise_um > fine) & ~is_chance & (moved > 2.0 * around.floor_um)
+    is_stuck = is_released | is_never
+    for start, stop in zip(*_chosen(starts, stops, is_stuck), strict=True):
+        # the first of the equal readings was a true one
+        found[start + 1 : stop] = True
+    return found, float(np.max(np.abs(jump[is_stuck]), initial=0.0))
+
+
+def _finest_gap_um(values: Array) -> float:
+    """Return how finely readings are told apart: all but one in twenty of the gaps between them are wider [um]."""
+    apart = np.diff(np.unique(values))
+    apart = apart[apart > _ROUNDING * float(np.ptp(values))]
+    return float(np.quantile(apart, 0.05)) if apart.size else 0.0
+
+
+def recurring_step_um(displacement_um: Array) -> float:
+    """Return the step of a quantised sensor [um], faulty readings left out; nan where it has none.
+
+    Readings of a coarse sensor come back; what comes once only may be a spike, and a dropout is one value in many.
+    """
+    levels, counts = np.unique(displacement_um, return_counts=True)
+    levels = levels[counts > 1]
+    if np.sum(counts[counts > 1]) < 0.5 * displacement_um.size or levels.size < _N_LEVELS_MIN:
+        return float("nan")
+    apart = np.diff(levels)
+    step = float(np.median(apart))
+    on_lattice = np.abs(apart / step - np.round(apart / step)) < _OFF_LATTICE
+    return step if float(np.mean(on_lattice)) > 1.0 - _OFF_LATTICE else float("nan")
+
+
+def _chosen(starts: Index, stops: Index, mask: Mask) -> tuple[Index, Index]:
+    return starts[mask], stops[mask]

@@ -1,0 +1,139 @@
+"""A record looked over before anything is fitted to it, and once more when a first fit has left a residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.errors import RecordingError
+from fomrc_core.records.quality.clock import clock_faults
+from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, recurring_step_um
+from fomrc_core.records.quality.drive_part import drive_part
+from fomrc_core.records.quality.excursions import Surroundings, find_excursions
+from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.recording import Recording
+
+_N_PASSES = 8  # excursions beside each other hide each other until the larger one is gone
+_MASKED_SHARE_MAX = 0.1  # of a record: where more is wrong with it nobody knows what of it is right
+_N_SAMPLES_MIN = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Examined:
+    """A record with the samples that count, and what is wrong with the others."""
+
+    recording: Recording
+    quality: DataQuality
+
+
+def examine(recording: Recording) -> Examined:
+    """Return the record with its bad samples masked, their readings bridged by straight lines, and what is wrong.
+
+    Args:
+        recording: with displacement; what its own ``is_valid`` leaves out stays out.
+
+    Raises:
+        RecordingError: more than a tenth of the readings are wrong.
+    """
+    x = recording.measured_um
+    valid = recording.valid_samples
+    faults = list(clock_faults(recording.time_s))
+    if x.size >= _N_SAMPLES_MIN and float(np.ptp(recording.voltage_v)) > 0.0:
+        step_um = recurring_step_um(x)
+        found = _masked_faults(recording, valid, step_um)
+        faults += found
+        for fault in found:
+            valid[fault.samples] = False
+    quality = DataQuality(recording.name, recording.n_samples, tuple(faults), valid)
+    return Examined(_masked(recording, quality), quality)
+
+
+def examine_residual(recording: Recording, residual_um: Array) -> Examined:
+    """Return the same from what a model has left of a record: there smaller spikes stand out.
+
+    Args:
+        recording: the record, as ``examine`` gave it.
+        residual_um: measured minus simulated [um], shape (n_samples,).
+    """
+    valid = recording.valid_samples
+    left = bridged(residual_um, valid)
+    followed = drive_part(recording.voltage_v, left, valid)
+    step_um = recurring_step_um(recording.measured_um[valid])
+    is_spike = _excursions(recording, left, followed, step_um) & valid
+    faults: tuple[DataFault, ...] = ()
+    if np.any(is_spike):
+        faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)
+    quality = DataQuality(recording.name, recording.n_samples, faults, valid & ~is_spike)
+    return Examined(_masked(recording, quality), quality)
+
+
+def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[DataFault]:
+    voltage_v, x = recording.voltage_v, recording.measured_um
+    spikes, dropouts = np.zeros(x.size, dtype=np.bool_), np.zeros(x.size, dtype=np.bool_)
+    for _ in range(_N_PASSES):
+        kept = valid & ~spikes & ~dropouts
+        left = bridged(x, kept)
+        followed = drive_part(voltage_v, left, kept)
+        around = Surroundings.of(voltage_v, left, followed, step_um)
+        excursions = find_excursions(around) & kept
+        dropped = find_dropouts(left, around, excursions) & kept
+        # a value once known to be that of a dropout is looked for among all spikes
+        known = np.unique(x[dropouts | dropped])
+        dropped |= (excursions | spikes) & np.isin(x, known)
+        dropouts |= dropped
+        spikes = (spikes | excursions) & ~dropouts
+        if not np.any(excursions | (dropped & kept)):
+            break
+    kept = valid & ~spikes & ~dropouts
+    left = bridged(x, kept)
+    followed = drive_part(voltage_v, left, kept)
+    stuck, release_um = find_stuck(
+        voltage_v, left, followed, Surroundings.of(voltage_v, left, followed, step_um), step_um
+    )
+    stuck &= kept
+    jump = np.abs(x - left)
+    named = [(FaultKind.SPIKES, spikes), (FaultKind.DROPOUTS, dropouts)]
+    found = [_fault(kind, mask, recording, jump) for kind, mask in named if np.any(mask)]
+    if np.any(stuck):
+        at = np.flatnonzero(stuck)
+        found.append(DataFault(FaultKind.STUCK, at, recording.time_s[at], release_um, True, x[at]))
+    return found
+
+
+def _excursions(recording: Recording, left: Array, followed: Array, step_um: float) -> Mask:
+    """Return excursions of a residual; those smaller than a share of the record's own range do not matter."""
+    return find_excursions(
+        Surroundings.of(recording.voltage_v, left, followed, step_um, float(np.ptp(recording.measured_um)))
+    )
+
+
+def _fault(kind: FaultKind, mask: Mask, recording: Recording, jump_um: Array) -> DataFault:
+    at = np.flatnonzero(mask)
+    readings_um = recording.measured_um[at]
+    return DataFault(kind, at, recording.time_s[at], float(np.max(jump_um[at])), True, readings_um)
+
+
+def bridged(values: Array, valid: Mask) -> Array:
+    """Return values with those that are not valid bridged by straight lines, shape (n_samples,)."""
+    if bool(np.all(valid)):
+        return values
+    at = np.flatnonzero(valid)
+    return np.interp(np.arange(values.size), at, values[at])
+
+
+def _masked(recording: Recording, quality: DataQuality) -> Recording:
+    if quality.n_masked > _MASKED_SHARE_MAX * recording.n_samples:
+        worst = max((f for f in quality.faults if f.is_masked), key=lambda f: f.samples.size, default=None)
+        raise RecordingError(
+            f"{quality.n_masked} of {recording.n_samples} readings are wrong"
+            + ("" if worst is None else f", {worst.samples.size} by {worst.kind.value}"),
+            where=f"{recording.name}: displacement_um",
+            allowed=f"up to {100.0 * _MASKED_SHARE_MAX:g} %; record anew",
+        )
+    if quality.n_masked == 0:
+        return recording
+    return replace(
+        recording, displacement_um=bridged(recording.measured_um, quality.is_valid), is_valid=quality.is_valid
+    )
