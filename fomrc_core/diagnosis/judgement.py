@@ -20,7 +20,11 @@ _SIGNIFICANCE = 0.01  # of the hypothesis that nothing is left, for all tests to
 _NEGLIGIBLE_SHARE = 0.1  # of the noise's power: it raises an rms by 5 %, about what a noise floor is known to
 _LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
 _LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
-_LARGEST_LEARNING = 1.0  # times the noise's power: what is learned worse than that is not known
+# Times the noise's power, of what weights learned from noise may err by: an estimate of it that is larger says that the
+# records are too short for their noise, and not that anything may be left.
+_LARGEST_LEARNING = 0.25
+# Times what is left in training: noise is as large in every record, but for what grows with the displacement.
+_LARGEST_CARRYING = 1.5
 _MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
 
 
@@ -70,6 +74,7 @@ def judge(
     worst_um: float,
     dependences: Sequence[Dependence],
     learning_excess: float = 0.0,
+    learned_um: float = math.inf,
 ) -> Judgement:
     """Return whether what a model leaves is noise.
 
@@ -82,6 +87,7 @@ def judge(
         dependences: tests of what is left.
         learning_excess: share of the noise's power by which a right model, learned from these noisy samples, errs on
             held-out data [1].
+        learned_um: rms of the extended model on the data it learned from [um].
     """
     # Many arguments: each is measured somewhere else, and no two are ever handed on together.
     excess = min(learning_excess, _LARGEST_LEARNING)
@@ -99,6 +105,10 @@ def judge(
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
     if sees_slow_noise and worst_um > _LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
+    carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
+    if after_um > _LARGEST_CARRYING * carried_um:
+        reasons.append(f"it is {after_um / learned_um:.2f} times what is left of the data it was learned from")
+        noise_um = max(floor_um, min(noise_um, carried_um))
     unavoidable = noise_um**2 * (1.0 + excess)
     missed = before_um**2 - unavoidable
     left = max(after_um**2 - unavoidable, 0.0)

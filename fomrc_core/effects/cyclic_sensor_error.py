@@ -18,6 +18,9 @@ _TERMS = ("sine_um", "cosine_um", "second_sine_um", "second_cosine_um")
 _LEAST_CYCLES = 4.0  # over the stroke: a longer one is a curved scale
 _MOST_BINS = 1 << 14  # over the stroke; a cycle of four of them is the shortest that is looked for
 _N_TRIALS = 2
+# Of the readings: rounding errs in a cycle of one step by itself (Widrow and Kollar, 2008), and says nothing of shorter
+# ones.
+_LEAST_STEPS = 2.0
 
 
 @compiled
@@ -146,7 +149,9 @@ class CyclicSensorError(Effect):
             counts += np.bincount(bins, minlength=n_bins)
         mean = sums / np.maximum(counts, 1.0)
         lines = Spectrum.of(mean, stroke_um / (n_bins - 1)).lines(_LEAST_CYCLES / stroke_um, _N_TRIALS)
-        return cls.proposed(_error_of(evidence, 1.0 / line) for line in lines)
+        steps_um = [record.sensor_step_um for record in evidence.records if record.sensor_step_um > 0.0]
+        shortest_um = _LEAST_STEPS * max(steps_um, default=0.0)
+        return cls.proposed(_error_of(evidence, 1.0 / line) for line in lines if line * shortest_um < 1.0)
 
 
 def _smoothed(values: Array, displacement: Array, length: float) -> Array:

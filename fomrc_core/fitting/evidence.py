@@ -6,6 +6,7 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.records.sensor_step import sensor_step_um
 
 
 def evidence_of(
@@ -28,6 +29,7 @@ def evidence_of(
                 predict(trial, record, index, is_coarse=True),
                 residual_um,
                 record.covariates,
+                sensor_step_um(record.measured_um),
             )
             for index, (record, residual_um) in enumerate(zip(records, residuals_um, strict=True))
         ),

@@ -13,5 +13,6 @@ __all__ = [
     "recording",
     "repeats",
     "residual",
+    "sensor_step",
     "usability",
 ]

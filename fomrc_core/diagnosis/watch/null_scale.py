@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.least_squares import non_negative_fit
 
 # What a model gets wrong depends on where the stage has been; a few minutes have not seen all of it.
 _SAFETY = 1.4
@@ -55,7 +55,7 @@ def learnt_scale(statistic: Array, measures: Array, floor: float = 0.0) -> NullS
     weights = np.ones(power.size)
     units = np.maximum(squares.max(axis=0), 1e-300)
     for _ in range(_N_REWEIGHTINGS):
-        shares = nnls((squares / units) * weights[:, None], power * weights)[0] / units
+        shares = non_negative_fit([(squares / units) * weights[:, None]], [power * weights]) / units
         shares[0] = max(shares[0], smallest)
         weights = 1.0 / (squares @ shares)
     # The furthest of n Gaussian values lies at about sqrt(2 log n).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ class RecordEvidence:
         predicted_um: displacement the present model gives [um].
         residual_um: measured minus predicted [um], offset removed.
         covariates: what was recorded beside drive and displacement.
+        sensor_step_um: step all readings are whole multiples of [um]; nan where there is none.
     """
 
     time_s: Array
@@ -32,6 +34,7 @@ class RecordEvidence:
     predicted_um: Array
     residual_um: Array
     covariates: Covariates = NO_COVARIATES
+    sensor_step_um: float = math.nan
 
     def has(self, covariate: Covariate) -> bool:
         """Return whether this signal was recorded."""
