@@ -235,7 +235,8 @@ def _result(
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))
-    judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned)
+    is_flexible = extension.trial.n_owned > base.n_owned
+    judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
     findings = with_probabilities(findings, judgement, tuple(tied))
     status = judgement.status(len(findings), bool(tied))
     return Diagnosis(

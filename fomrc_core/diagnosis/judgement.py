@@ -23,8 +23,11 @@ _LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which
 # Times the noise's power, of what weights learned from noise may err by: an estimate of it that is larger says that the
 # records are too short for their noise, and not that anything may be left.
 _LARGEST_LEARNING = 0.25
+# Times the noise from sample to sample: slow noise of a sensor (1 / f from the sample rate down) comes to two or three,
+# of one behind a filter to some more.
+_LARGEST_SLOW = 8.0
 # Times what is left in training: noise is as large in every record, but for what grows with the displacement.
-_LARGEST_CARRYING = 1.5
+_LARGEST_CARRYING = 2.0
 _MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
 
 
@@ -75,6 +78,7 @@ def judge(
     dependences: Sequence[Dependence],
     learning_excess: float = 0.0,
     learned_um: float = math.inf,
+    is_flexible: bool = False,
 ) -> Judgement:
     """Return whether what a model leaves is noise.
 
@@ -88,6 +92,8 @@ def judge(
         learning_excess: share of the noise's power by which a right model, learned from these noisy samples, errs on
             held-out data [1].
         learned_um: rms of the extended model on the data it learned from [um].
+        is_flexible: whether a cause with many weights of its own was found, which bends to much that is none: it is
+            believed only where it leaves what is known to be noise apart from it.
     """
     # Many arguments: each is measured somewhere else, and no two are ever handed on together.
     excess = min(learning_excess, _LARGEST_LEARNING)
@@ -105,10 +111,18 @@ def judge(
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
     if sees_slow_noise and worst_um > _LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
+    if is_flexible and not sees_slow_noise and after_um > _LARGEST_EXCESS * floor_um:
+        reasons.append(
+            f"it is {after_um / floor_um:.2f} times the noise from sample to sample, with a cause that bends"
+        )
     carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
     if after_um > _LARGEST_CARRYING * carried_um:
         reasons.append(f"it is {after_um / learned_um:.2f} times what is left of the data it was learned from")
         noise_um = max(floor_um, min(noise_um, carried_um))
+    if not sees_slow_noise and noise_um > _LARGEST_SLOW * floor_um:
+        reasons.append(
+            f"it is {noise_um / floor_um:.1f} times the noise from sample to sample, and no repeat shows it to be noise"
+        )
     unavoidable = noise_um**2 * (1.0 + excess)
     missed = before_um**2 - unavoidable
     left = max(after_um**2 - unavoidable, 0.0)

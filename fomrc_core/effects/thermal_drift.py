@@ -15,6 +15,9 @@ from fomrc_core.effects.base.kernels import elapsed_times
 from fomrc_core.effects.base.step_form import CLOCK_FIELDS, FieldKind, Fields, Number, StateField, StepForm, clock_after
 
 _TRIAL_SHARE = 1e-3  # of the stroke: small enough that what a trial changes is in proportion to it
+# Of a record, between which a walk is told from what stands: shorter than any drift of the form here, longer than most
+# correlations.
+_NEAR_PART, _FAR_PART = 128, 32
 _QUICKEST_WARM_UP = 0.08  # of the longest record
 
 
@@ -115,6 +118,22 @@ class ThermalDrift(Effect):
     def belongs_to_record(self) -> bool:
         """Return whether this is a drift in time, which no other record repeats."""
         return self.um_per_c == 0.0
+
+    def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
+        """Return whether a drift in time is more than a random walk of the sensor would bring.
+
+        The variance of a walk about its mean is dominated by its slowest mode, n d / pi^2 times a squared normal number
+        (Karhunen and Loeve) where d is the variance it gains per sample: one in some hundred comes to more than n d.
+        """
+        if not self.belongs_to_record():
+            return True
+        steps_s = np.diff(time_s, prepend=2.0 * time_s[0] - time_s[1])
+        drift = self._drift(self.initial_state(), steps_s, None)
+        rest = residual_um - drift
+        near, far = max(rest.size // _NEAR_PART, 1), max(rest.size // _FAR_PART, 2)
+        gained = float(np.mean((rest[far:] - rest[:-far]) ** 2) - np.mean((rest[near:] - rest[:-near]) ** 2))
+        per_sample = max(gained, 0.0) / (far - near)
+        return float(np.var(drift)) > per_sample * rest.size
 
     def scale_of(self, name: str, value: float) -> float:
         """Return a unit for a term that stands at zero."""

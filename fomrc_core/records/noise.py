@@ -16,6 +16,7 @@ from fomrc_core.records.spectral_lines import without_lines
 
 # pairs of lags 1-2 and 3-4 within half of the values
 _N_CORRELATED_MIN = 10
+_MOST_UNSEEN = 0.2  # of the variance: it raises an rms by 10 %, half of what a noise known from repeats is allowed
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
@@ -26,28 +27,36 @@ class NoiseFloor:
     Attributes:
         differences_um: from fourth differences while the drive rests or moves evenly.
         repeats_um: from repeated stretches of the drive; nan where there are none.
+        unseen_share: share of the variance that may be slower than what the repeats show [1].
     """
 
     differences_um: float
     repeats_um: float
+    unseen_share: float = 0.0
 
     @property
     def floor_um(self) -> float:
-        """The repeats where there are any, for they see slow noise too; else the differences."""
-        return self.repeats_um if self.sees_slow_noise else self.differences_um
+        """The repeats where there are any, for they see slower noise too; else the differences."""
+        return self.repeats_um if np.isfinite(self.repeats_um) else self.differences_um
 
     @property
     def sees_slow_noise(self) -> bool:
-        """Whether the floor has the slow part of the noise in it: differences alone leave it out."""
-        return bool(np.isfinite(self.repeats_um))
+        """Whether the floor has the slow part of the noise in it.
+
+        Differences alone leave it out, and so do repeats that follow each other within the noise's correlation.
+        """
+        return bool(np.isfinite(self.repeats_um)) and self.unseen_share < _MOST_UNSEEN
 
 
 def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     """Return the noise floor of the recordings [um]."""
     differences = [_difference_noise(r.voltage_v, r.measured_um) for r in recordings]
     repeats = [_repeat_noise(r) for r in recordings]
-    seen = [value for value in repeats if np.isfinite(value)]
-    return NoiseFloor(float(np.median(differences)), float(np.median(seen)) if seen else float("nan"))
+    seen = [rms_um for rms_um, _ in repeats if np.isfinite(rms_um)]
+    if not seen:
+        return NoiseFloor(float(np.median(differences)), float("nan"))
+    unseen = [share for rms_um, share in repeats if np.isfinite(rms_um)]
+    return NoiseFloor(float(np.median(differences)), float(np.median(seen)), float(np.median(unseen)))
 
 
 def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
@@ -64,13 +73,14 @@ def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
     return float(np.median(np.abs(rough[even])) / 0.6745 / np.sqrt(np.sum(_DIFFERENCE**2)))
 
 
-def _repeat_noise(recording: Recording) -> float:
+def _repeat_noise(recording: Recording) -> tuple[float, float]:
+    """Return the rms [um] of the noise that repeats show, nan without any, and the share they may leave unseen [1]."""
     stretches = stretches_of_repeats(recording, find_repeats(recording.voltage_v))
     cleaned = [replace(s, values_um=without_lines(s.values_um)[0]) for s in stretches]
     if not any(np.any(s.values_um) for s in cleaned):
-        return 0.0 if cleaned else float("nan")
+        return (0.0 if cleaned else float("nan")), 0.0
     spectrum = spectrum_of(cleaned, recording.n_samples)
-    return float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen)))
+    return float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen))), spectrum.unseen_share()
 
 
 def autocorrelation_inflation(values: Array) -> float:
