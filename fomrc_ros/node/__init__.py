@@ -12,6 +12,7 @@ __all__ = [
     "parameters",
     "quality_of_service",
     "runtime",
+    "voltage_interface",
     "voltage_parameters",
     "worker_process",
 ]
