@@ -123,8 +123,13 @@ def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
     )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
-    for goal in (50e-6, -50e-6):
-        probe.drive(publisher, lambda t, goal=goal: goal, 1.5)
+    for goal_m, bound_v in ((50e-6, 1.0), (-50e-6, -0.5)):
+
+        def is_there(goal_m=goal_m, bound_v=bound_v) -> bool:
+            publisher.publish(Float64(data=goal_m))
+            return bool(heard) and heard[-1][1].data == bound_v
+
+        probe.until(is_there, f"{bound_v} V")
     voltages = np.array([message.data for _, message in heard])
     assert voltages.max() == 1.0
     assert voltages.min() == -0.5
