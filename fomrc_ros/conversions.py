@@ -8,14 +8,14 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Float64MultiArray
 
 from fomrc_core.errors import InputError
 
 UM_PER_M = 1e6
 # Further than any piezo travels: a value in other units than metres.
 LARGEST_POSITION_M = 0.1
-INTERFACES = ("float64", "joint_state")
+INTERFACES = ("float64", "joint_state", "float64_multi_array")
 
 
 def m_to_um(position_m: float) -> float:
@@ -31,11 +31,6 @@ def um_to_m(position_um: float) -> float:
 def stamp_s(stamp: Time) -> float:
     """Return a message stamp in seconds."""
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-
-
-def voltage_from_message(message: Float64) -> float:
-    """Return the voltage [V] of a message; raises InputError where it is not finite."""
-    return _finite(message.data, "voltage", "V")
 
 
 def _finite(value: float, where: str, unit: str) -> float:
@@ -92,6 +87,22 @@ class Float64Position(PositionInterface):
         return float(message.data)
 
 
+class MultiArrayPosition(PositionInterface):
+    """std_msgs/Float64MultiArray of one entry, metres, as ros2_control's forward controllers take and give it."""
+
+    message_type = Float64MultiArray
+
+    def to_message(self, position_um: float, stamp: Time) -> Float64MultiArray:
+        """Return the message of a position [um]; the stamp has no place in it."""
+        return Float64MultiArray(data=[um_to_m(position_um)])
+
+    def position_m(self, message: Float64MultiArray) -> float:
+        """Return the first entry [m], unchecked; raises InputError where there is none."""
+        if not message.data:
+            raise InputError("no position", where="Float64MultiArray.data", value=0, allowed="1 or more entries")
+        return float(message.data[0])
+
+
 class JointStatePosition(PositionInterface):
     """sensor_msgs/JointState, stamped, metres; one joint of it.
 
@@ -136,9 +147,11 @@ class JointStatePosition(PositionInterface):
 
 
 def position_interface(interface: str, joint_name: str) -> PositionInterface:
-    """Return the interface of this name: ``float64`` or ``joint_state``; raises InputError for others."""
+    """Return the interface of this name, one of ``INTERFACES``; raises InputError for others."""
     if interface == "float64":
         return Float64Position()
     if interface == "joint_state":
         return JointStatePosition(joint_name)
+    if interface == "float64_multi_array":
+        return MultiArrayPosition()
     raise InputError("unknown interface", where="interface", value=interface, allowed=" | ".join(INTERFACES))

@@ -26,6 +26,7 @@ def generate_launch_description():
         ),
         DeclareLaunchArgument("simulate", default_value="true", description="start a simulated stage"),
         DeclareLaunchArgument("identify", default_value="true", description="start the identification"),
+        DeclareLaunchArgument("watch", default_value="false", description="start the watch"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="follow /clock"),
         DeclareLaunchArgument(
             "stop_timeout_s",
@@ -59,6 +60,12 @@ def generate_launch_description():
             executable="identification",
             name="identification",
             condition=IfCondition(LaunchConfiguration("identify")),
+            **common,
+        ),
+        Node(
+            executable="watch",
+            name="watch",
+            condition=IfCondition(LaunchConfiguration("watch")),
             **common,
         ),
     ]

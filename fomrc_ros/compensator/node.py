@@ -11,7 +11,6 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
-from std_msgs.msg import Float64
 
 from fomrc_core.control.actuator_drive import MEMORY_UNKNOWN, ActuatorDrive
 from fomrc_core.control.checkpoint import CheckpointWriter, discard_checkpoint, read_checkpoint
@@ -30,6 +29,7 @@ from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, overridable
 from fomrc_ros.node.runtime import run, steady_clock
+from fomrc_ros.node.voltage_interface import voltage_interface, voltage_quality
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.compensator import CompensatorSettings, SettingsBuilder, compensator_specs
 from fomrc_ros.parameters.names import WITH_EFFECTS
@@ -50,7 +50,7 @@ _LEAVING_IDS = tuple(
 
 
 class CompensatorNode(LifecycleNode):
-    """Subscribes ``desired_position`` (m), publishes ``voltage`` (std_msgs/Float64, V) at ``rate_hz``."""
+    """Subscribes ``desired_position`` (m), publishes ``voltage`` (V) at ``rate_hz``."""
 
     def __init__(self) -> None:
         super().__init__("compensator", allow_undeclared_parameters=True)
@@ -68,12 +68,17 @@ class CompensatorNode(LifecycleNode):
         self._grid = TickGrid(self._period_s)
         self._interface = position_interface(values["interface"], values["joint_name"])
         # Not a managed publisher: the ramp to the safe voltage goes on where the node is no longer active.
-        self._publisher = self.create_publisher(Float64, "voltage", COMMAND, qos_overriding_options=overridable())
+        self._voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
+        self._publisher = self.create_publisher(
+            self._voltage.message_type,
+            "voltage",
+            voltage_quality(self._period_s),
+            qos_overriding_options=overridable(),
+        )
         for topic, callback in (("desired_position", self._on_target), ("cross_position", self._on_cross)):
             self.create_subscription(
                 self._interface.message_type, topic, callback, COMMAND, qos_overriding_options=overridable()
             )
-        self._message = Float64()
         self._ticked_at_s = time.monotonic()
         self._stands_still = False
         self._timer = self.create_timer(self._period_s, self._tick)
@@ -304,8 +309,7 @@ class CompensatorNode(LifecycleNode):
         # Whatever has gone wrong before, nothing leaves that is beyond the limits in force.
         if not math.isfinite(voltage_v) or voltage_v != self.settings.loop.limits.clamp(voltage_v):
             raise FomrcError(f"{voltage_v!r} V was about to be published")
-        self._message.data = voltage_v
-        self._publisher.publish(self._message)
+        self._publisher.publish(self._voltage.to_message(voltage_v, self.get_clock().now().to_msg()))
         loop = self._drive.loop
         if self._checkpoint is not None and loop is not None:
             is_new, loop.is_discontinuous = loop.is_discontinuous, False

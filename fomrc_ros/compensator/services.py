@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -12,10 +13,11 @@ from std_srvs.srv import Trigger
 from fomrc_core.control.actuator_drive import ActuatorDrive
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.records import excitation
+from fomrc_ros.node.jobs import Jobs
 from fomrc_ros.node.model_parameters import as_replacement
 from fomrc_ros.node.parameter_files import confined_path, given_at_start, read_parameter_file
 from fomrc_ros.node.parameters import NodeParameters
-from fomrc_ros.node.worker_process import WorkerRunner
+from fomrc_ros.node.worker_process import Progress, WorkerRunner
 from fomrc_ros.parameters.compensator import CompensatorSettings
 
 
@@ -56,7 +58,7 @@ def read_file(request: tuple[Any, str], tell: Callable[[float, str], None]) -> d
 
 
 class RelaxServices:
-    """``~/relax`` and ``~/assume_relaxed``.
+    """``~/relax``, ``~/start_relax``, ``~/status`` and ``~/assume_relaxed``.
 
     Args:
         node: where the services are offered.
@@ -67,28 +69,32 @@ class RelaxServices:
     def __init__(self, node: Node, drive: ActuatorDrive, settings: Callable[[], CompensatorSettings]) -> None:
         self._node, self._drive, self._settings = node, drive, settings
         self._relaxing: list[Future] = []
-        node.create_service(Trigger, "~/relax", self._on_relax)
+        self._began_s = 0.0
+        self._jobs = Jobs(node, {"relax": self._relax}, self._progress)
         node.create_service(Trigger, "~/assume_relaxed", self._on_assume_relaxed)
 
-    async def _on_relax(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _relax(self) -> str:
         loop = self._drive.loop
-        try:
-            if loop is None or not self._drive.is_active or self._drive.is_stopping:
-                raise FomrcError("not active: activate first")
-            if self._drive.is_lent or self._drive.is_ramping:
-                raise FomrcError(f"not now: {self._drive.activity}")
-            if loop.is_in_routine:
-                raise FomrcError("a routine runs already")
-            loop.start_routine(iter(self._relaxation()))
-        except FomrcError as error:
-            response.success, response.message = False, str(error)
-            return response
+        if loop is None or not self._drive.is_active or self._drive.is_stopping:
+            raise FomrcError("not active: activate first")
+        if self._drive.is_lent or self._drive.is_ramping:
+            raise FomrcError(f"not now: {self._drive.activity}")
+        if loop.is_in_routine:
+            raise FomrcError("a routine runs already")
+        loop.start_routine(iter(self._relaxation()))
+        self._began_s = time.monotonic()
         finished = Future(executor=self._node.executor)
         self._relaxing.append(finished)
-        reason = await finished
-        response.success = not reason
-        response.message = reason or "relaxed"
-        return response
+        reason: str = await finished
+        if reason:
+            raise FomrcError(reason)
+        return "relaxed"
+
+    def _progress(self) -> Progress | None:
+        if not self._relaxing:
+            return None
+        passed = (time.monotonic() - self._began_s) / self._settings().relax_duration_s
+        return Progress(min(passed, 0.99), "relaxing")
 
     def _relaxation(self) -> list[float]:
         settings = self._settings()

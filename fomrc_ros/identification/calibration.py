@@ -19,7 +19,9 @@ from fomrc_ros.identification import fit_work
 from fomrc_ros.identification.compensator_client import CompensatorClient
 from fomrc_ros.identification.fit_work import CalibrationRequest, FitAnswer
 from fomrc_ros.identification.stage_drive import StageDrive
+from fomrc_ros.identification.stage_recorder import StageRecorder
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.node.worker_process import Progress, WorkerRunner
 from fomrc_ros.parameters.identification import IdentificationSettings
 
@@ -60,7 +62,9 @@ class Calibration:
         self._doing = ""
         self.is_running = False
         interface = position_interface(values["interface"], values["joint_name"])
-        self._drive = StageDrive(node, interface, values["rate_hz"], values["compensator"])
+        voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
+        recorder = StageRecorder(node, interface, voltage)
+        self._drive = StageDrive(node, recorder, values["rate_hz"], values["compensator"])
         self._compensator = CompensatorClient(node, values["compensator"])
         self._standstill_looks = self._n_done_before = 0
         node.create_timer(_WATCH_PERIOD_S, self._watch, clock=steady_clock())

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from fomrc_core.errors import FomrcError, InputError
+from fomrc_core.errors import InputError
 from fomrc_ros.identification import fit_work
 from fomrc_ros.identification.calibration import Calibration
 from fomrc_ros.identification.fit_work import DiagnosisRequest, FitAnswer, FitRequest, RecordingFiles
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
+from fomrc_ros.node.jobs import Jobs
 from fomrc_ros.node.parameter_files import check_kind, check_no_input, confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.node.worker_process import WorkerRunner
+from fomrc_ros.node.worker_process import Progress, WorkerRunner
 from fomrc_ros.parameters.identification import build_settings, identification_specs
 from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 
@@ -28,7 +27,7 @@ _CANCELLED = "cancelled"
 
 
 class IdentificationNode(Node):
-    """Services ``~/identify``, ``~/diagnose``, ``~/calibrate`` and ``~/cancel``; publishes ``~/model``."""
+    """Jobs ``identify``, ``diagnose`` and ``calibrate``, and ``~/cancel``; publishes ``~/model`` and ``~/status``."""
 
     def __init__(self) -> None:
         super().__init__("identification", allow_undeclared_parameters=True)
@@ -37,19 +36,12 @@ class IdentificationNode(Node):
             self, identification_specs(), build_settings, lambda settings: None, WITHOUT_EFFECTS
         )
         self.parameters.watch()
-        self._activity = ""
-        self._last = "nothing yet"
         self._last_fit: FitAnswer | None = None
-        self._is_last_good = True
         self._work = WorkerRunner(self)
         self._calibration = Calibration(self, self.parameters.values, self._work, lambda: self._diagnostics.publish())
         self._publisher = self.create_publisher(String, "~/model", LATCHED, qos_overriding_options=overridable())
-        for name, job in (
-            ("identify", self._identify),
-            ("diagnose", self._diagnose),
-            ("calibrate", self._calibrate),
-        ):
-            self.create_service(Trigger, f"~/{name}", self._serving(name, job))
+        work = {"identify": self._identify, "diagnose": self._diagnose, "calibrate": self._calibrate}
+        self._jobs = Jobs(self, work, self._progress)
         self.create_service(Trigger, "~/cancel", self._on_cancel)
         self._diagnostics = DiagnosticsPublisher(self, self.parameters.values["joint_name"], self._describe)
 
@@ -66,29 +58,6 @@ class IdentificationNode(Node):
         self._calibration.close()
 
     # work
-
-    def _serving(self, name: str, job: Callable[[], Any]) -> Callable[..., Any]:
-        async def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            if self._activity:
-                response.success, response.message = False, f"busy: {self._activity} runs"
-                return response
-            self._activity = name
-            try:
-                response.message = await job()
-                response.success = True
-                self.get_logger().info(f"{name}: {response.message}")
-            except FomrcError as error:
-                response.success, response.message = False, str(error)
-            except Exception as error:
-                response.success, response.message = False, f"{type(error).__name__}: {error}"
-            finally:
-                self._activity = ""
-            self._last, self._is_last_good = f"{name}: {response.message}", response.success
-            if not response.success:
-                self.get_logger().error(self._last)
-            return response
-
-        return serve
 
     async def _identify(self) -> str:
         values = self.parameters.values
@@ -120,12 +89,15 @@ class IdentificationNode(Node):
         return is_in_time
 
     def _on_cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._activity:
+        if not self._jobs.activity:
             response.success, response.message = False, "nothing runs"
         elif self._cancel(_CANCELLED):
-            response.success, response.message = True, f"cancelling {self._activity}"
+            response.success, response.message = True, f"cancelling {self._jobs.activity}"
         else:
-            response.success, response.message = False, f"too late: the model of this {self._activity} goes in force"
+            response.success, response.message = (
+                False,
+                f"too late: the model of this {self._jobs.activity} goes in force",
+            )
         return response
 
     # results
@@ -158,22 +130,23 @@ class IdentificationNode(Node):
         values = self.parameters.values
         return str(confined_path(values[name], values["allowed_folders"], name))
 
+    def _progress(self) -> Progress | None:
+        return self._calibration.progress if self._calibration.is_running else self._work.progress
+
     def _describe(self) -> Report:
-        report = Report(message=self._activity or "idle", values={"last": self._last})
-        if self._activity:
-            report.values["activity"] = self._activity
-        progress = self._calibration.progress if self._calibration.is_running else None
-        if progress is None:
-            progress = self._work.progress
+        report = Report(message=self._jobs.activity or "idle", values={"last": self._jobs.last})
+        if self._jobs.activity:
+            report.values["activity"] = self._jobs.activity
+        progress = self._progress()
         if progress is not None:
             report.values["progress_percent"] = 100.0 * progress.fraction
             report.values["doing"] = progress.message
-            report.message = f"{self._activity}: {progress.message} ({100.0 * progress.fraction:.0f} %)"
+            report.message = f"{self._jobs.activity}: {progress.message} ({100.0 * progress.fraction:.0f} %)"
         if self._last_fit is not None:
             report.values["fit_rms_nm"] = 1e3 * self._last_fit.rms_um
             report.values["fit_nrmse_percent"] = self._last_fit.nrmse_percent
-        if not self._is_last_good and not self._activity:
-            report.worsen(WARN, self._last)
+        if not self._jobs.is_last_good and not self._jobs.activity:
+            report.worsen(WARN, self._jobs.last)
         return report
 
 

@@ -13,7 +13,6 @@ from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import FomrcError
 from fomrc_core.records.recording import Recording
-from fomrc_ros.conversions import PositionInterface
 from fomrc_ros.identification.stage_recorder import StageRecorder
 from fomrc_ros.node.quality_of_service import COMMAND, overridable
 from fomrc_ros.node.runtime import steady_clock
@@ -27,7 +26,7 @@ class StageDrive:
 
     Args:
         node: the node it belongs to.
-        interface: message type of displacement.
+        recorder: hears what is driven and what the stage does.
         rate_hz: rate of the drive [Hz].
         compensator: name of the compensator that lends its voltage.
 
@@ -35,14 +34,14 @@ class StageDrive:
         is_borrowing: whether what is asked for is to be asked for again while nothing else is.
     """
 
-    def __init__(self, node: Node, interface: PositionInterface, rate_hz: float, compensator: str) -> None:
+    def __init__(self, node: Node, recorder: StageRecorder, rate_hz: float, compensator: str) -> None:
         self._node = node
         self.period_s = 1.0 / rate_hz
         self.n_done = self.n_total = 0
         self.is_driving = self.is_borrowing = False
         self._limits: VoltageLimits | None = None
         self._plan: list[float] = []
-        self._recorder = StageRecorder(node, interface)
+        self._recorder = recorder
         self._timeout_s = 0.0
         self._silent_s = self._astray_s = 0.0
         self._finished: Future | None = None

@@ -9,11 +9,11 @@ import rclpy
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Float64
 
 from fomrc_core.errors import FomrcError
 from fomrc_core.records.recording import Recording
 from fomrc_ros.conversions import PositionInterface
+from fomrc_ros.node.voltage_interface import VoltageInterface
 
 # Lags tried when voltage and displacement are brought together: message, stage and message again.
 _LONGEST_LAG_PERIODS = 20
@@ -35,14 +35,15 @@ class StageRecorder:
     Args:
         node: the node it belongs to; its names and clock are used.
         interface: message type of displacement.
+        voltage: message type of voltage.
 
     Attributes:
         voltage_v: the voltage last heard [V], None before the first.
         n_displacements: displacements heard that could be used.
     """
 
-    def __init__(self, node: Node, interface: PositionInterface) -> None:
-        self._node, self._interface = node, interface
+    def __init__(self, node: Node, interface: PositionInterface, voltage: VoltageInterface) -> None:
+        self._node, self._interface, self._voltage_interface = node, interface, voltage
         self.voltage_v: float | None = None
         self.n_displacements = 0
         self._is_recording = False
@@ -56,7 +57,7 @@ class StageRecorder:
             start_parameter_services=False,
             enable_rosout=False,
         )
-        self._voltage = self._subscription(Float64, "voltage", _VOLTAGE)
+        self._voltage = self._subscription(voltage.message_type, "voltage", _VOLTAGE)
         self._displacement = self._subscription(interface.message_type, "displacement", _DISPLACEMENT)
 
     def close(self) -> None:
@@ -77,10 +78,12 @@ class StageRecorder:
     def take(self) -> None:
         """Take what has come."""
         for message, time_s in self._taken(self._voltage):
-            if np.isfinite(message.data):
-                self.voltage_v = float(message.data)
-                if self._is_recording:
-                    _append(self._sent, time_s, self.voltage_v)
+            try:
+                self.voltage_v = self._voltage_interface.voltage_v(message)
+            except FomrcError:
+                continue
+            if self._is_recording:
+                _append(self._sent, time_s, self.voltage_v)
         for message, time_s in self._taken(self._displacement):
             try:
                 moved_um = self._interface.to_um(message)

@@ -5,6 +5,7 @@ Nothing here knows which node it is part of.
 
 __all__ = [
     "diagnostics",
+    "jobs",
     "lifecycle_log",
     "model_parameters",
     "other_publishers",
@@ -12,6 +13,7 @@ __all__ = [
     "parameters",
     "quality_of_service",
     "runtime",
+    "voltage_interface",
     "voltage_parameters",
     "worker_process",
 ]

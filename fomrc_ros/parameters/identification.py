@@ -10,6 +10,7 @@ from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import Kind, ParameterSpec
+from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
 from fomrc_ros.node.voltage_parameters import LIMIT_SPECS
 
 METHODS = ("convex", "paper")
@@ -46,6 +47,13 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
         ),
         ParameterSpec("compensator", "compensator", "name of the compensator that is calibrated", is_read_only=True),
         ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
+        ParameterSpec(
+            "voltage_interface",
+            "float64",
+            "message type of voltage: a number, a joint's effort, or an array of one",
+            choices=VOLTAGE_INTERFACES,
+            is_read_only=True,
+        ),
         ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         ParameterSpec(
             "rate_hz",

@@ -12,6 +12,7 @@ from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import ParameterSpec
+from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
 
 _USUAL = WatchSettings()
 
@@ -24,6 +25,13 @@ def watch_specs() -> tuple[ParameterSpec, ...]:
             "compensator", "compensator", "whose model is watched; empty: the one in model.*", is_read_only=True
         ),
         ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
+        ParameterSpec(
+            "voltage_interface",
+            "float64",
+            "message type of voltage: a number, a joint's effort, or an array of one",
+            choices=VOLTAGE_INTERFACES,
+            is_read_only=True,
+        ),
         ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         ParameterSpec(
             "false_alarms_per_day",

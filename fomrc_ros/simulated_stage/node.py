@@ -9,18 +9,18 @@ from typing import Any, Protocol
 import numpy as np
 from rclpy.node import Node
 from rclpy.task import Future
-from std_msgs.msg import Float64
 
 from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import InputError, ParameterError
 from fomrc_core.plants import electromechanical
-from fomrc_ros.conversions import m_to_um, position_interface, voltage_from_message
+from fomrc_ros.conversions import m_to_um, position_interface
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.model_parameters import model_from_values
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
+from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.parameters.names import WITH_EFFECTS
 from fomrc_ros.parameters.simulated_stage import SPECS
 
@@ -45,7 +45,7 @@ class StageSettings:
 
 
 class SimulatedPea(Node):
-    """Subscribes ``voltage`` (std_msgs/Float64, V), publishes ``displacement`` (m) at ``rate_hz``."""
+    """Subscribes ``voltage`` (V), publishes ``displacement`` (m) at ``rate_hz``."""
 
     def __init__(self) -> None:
         super().__init__("simulated_pea", allow_undeclared_parameters=True)
@@ -70,7 +70,10 @@ class SimulatedPea(Node):
         self._publisher = self.create_publisher(
             self._interface.message_type, "displacement", MEASUREMENT, qos_overriding_options=overridable()
         )
-        self.create_subscription(Float64, "voltage", self._on_voltage, COMMAND, qos_overriding_options=overridable())
+        self._voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
+        self.create_subscription(
+            self._voltage.message_type, "voltage", self._on_voltage, COMMAND, qos_overriding_options=overridable()
+        )
         self.create_timer(period_s, self._tick)
         self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
 
@@ -107,9 +110,9 @@ class SimulatedPea(Node):
         # Compiling the first step takes seconds; it must not fall into the loop.
         self._settings.plant.advance(self._settings.plant.initial_state(), 0.0, 1e-3)
 
-    def _on_voltage(self, message: Float64) -> None:
+    def _on_voltage(self, message: Any) -> None:
         try:
-            self._voltage_v = voltage_from_message(message)
+            self._voltage_v = self._voltage.voltage_v(message)
             self._n_voltages += 1
         except InputError as error:
             self._n_refused += 1

@@ -61,13 +61,13 @@ def look_into(request: ChangeRequest, tell: Tell) -> ChangeAnswer:
     write_change(case, found, make_directory(request.folder, where="output_folder"))
     refusal = "no model can follow it, or none is better"
     if found.model is not None:
-        # Asked of what was measured since the change: before it another model was true.
-        after = case.recording.time_s >= found.since_s
+        # Asked of what was measured since the alarm: surely after the change, before which another model was true.
+        after = case.recording.time_s >= case.alarm.time_s - case.began_s
         record = Recording(
             case.recording.time_s[after] - case.recording.time_s[after][0],
             case.recording.voltage_v[after],
             case.recording.measured_um[after],
-            name="since the change",
+            name="since the alarm",
         )
         refusal = why_refused(found.model, record, in_force=case.model)
     results = change_results(case.alarm, found, case.began_s)

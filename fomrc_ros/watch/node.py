@@ -25,6 +25,7 @@ from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run, steady_clock
+from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.names import WITH_EFFECTS
 from fomrc_ros.parameters.watch import WatchNodeSettings, build_settings, watch_specs
@@ -50,7 +51,8 @@ class WatchNode(Node):
         self._folder = confined_path(values["output_folder"], values["allowed_folders"], "output_folder")
         self._log: ChangeLog | None = None
         interface = position_interface(values["interface"], values["joint_name"])
-        self._recorder = StageRecorder(self, interface)
+        voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
+        self._recorder = StageRecorder(self, interface, voltage)
         self._recorder.begin()
         self._compensator = CompensatorClient(self, values["compensator"]) if values["compensator"] else None
         self._model: PiezoModel | None = None

@@ -32,12 +32,12 @@ HASTY = COMMON | {
 }
 
 
-def nodes(tmp_path, start, **options):
+def nodes(tmp_path, start, rate_hz=1.0 / PERIOD_S, plant="electromechanical", **options):
     file = model_file(tmp_path / "wrong.yaml", **options)
     return (
-        start("compensator", file, rate_hz=500.0),
-        start("simulated_pea", file, plant="electromechanical", rate_hz=500.0),
-        start("identification", file, rate_hz=500.0),
+        start("compensator", file, rate_hz=rate_hz),
+        start("simulated_pea", file, plant=plant, rate_hz=rate_hz),
+        start("identification", file, rate_hz=rate_hz),
     )
 
 
@@ -129,7 +129,10 @@ def tracked(clock: Lockstep, publisher, moved: list) -> float:
 
 
 def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, probe, start):
-    compensator, stage, identification = nodes(tmp_path, start, **HASTY, displacement_timeout_s=0.5)
+    # In real time, and so little work that a busy machine keeps up: a stage that misses half its steps, as that of
+    # circuit and mechanics does on a third of a processor, is no calibration.
+    options = HASTY | {"relax_frequency_hz": 20.0, "displacement_timeout_s": 2.0}
+    compensator, stage, identification = nodes(tmp_path, start, 200.0, "fomrc", **options)
     heard, moved = probe.record("voltage"), probe.record("displacement")
     publisher = probe.publisher("desired_position")
     client = probe.client(Trigger, f"{identification.name}/calibrate")
@@ -145,7 +148,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
         assert abs(heard[-1][1].data) < 1.0, named
         heard.clear()
         probe.drive(publisher, lambda t: 0.2e-6, 0.3)
-        assert len(heard) > 20, named
+        probe.until(lambda: len(heard) > 20, f"the old model driving on: {named}")
 
     def doing(text: str) -> bool:
         return text in probe.diagnostics.get(identification.name, {}).get("doing", "")

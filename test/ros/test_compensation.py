@@ -38,16 +38,17 @@ def test_voltage_is_the_models_and_goes_on_at_rest(tmp_path, probe, start):
     node.stop()
 
     ticks = journal_records(checkpoint)
-    # The first tick is in the snapshot the journal began with: one period at the first target.
-    steps = np.concatenate(([0.002], ticks[:, 1]))
+    # The first tick is in the snapshot the journal began with: one period at the first target, or some if it was late.
     followed = np.concatenate(([first_target(checkpoint)], ticks[:, 2]))
-    expected = compensator_of().run(steps, followed)[1:]
-    np.testing.assert_allclose(ticks[:, 3], expected, rtol=0.0, atol=1e-12)
-    assert set(voltages) <= {expected_first(ticks, followed), *ticks[:, 3].tolist()}
 
+    def driven(n_periods: int) -> np.ndarray:
+        return compensator_of().run(np.concatenate(([0.002 * n_periods], ticks[:, 1])), followed)
 
-def expected_first(ticks, followed) -> float:
-    return float(compensator_of().run(np.array([0.002]), followed[:1])[0])
+    expected = min((driven(n) for n in range(1, 51)), key=lambda found: np.max(np.abs(found[1:] - ticks[:, 3])))
+    np.testing.assert_allclose(ticks[:, 3], expected[1:], rtol=0.0, atol=1e-12)
+    first_v = min(voltages, key=lambda voltage: abs(voltage - expected[0]))
+    assert abs(first_v - expected[0]) < 1e-12
+    assert set(voltages) <= {first_v, *ticks[:, 3].tolist()}
 
 
 def first_target(checkpoint) -> float:
@@ -123,8 +124,13 @@ def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
     )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
-    for goal in (50e-6, -50e-6):
-        probe.drive(publisher, lambda t, goal=goal: goal, 1.5)
+    for goal_m, bound_v in ((50e-6, 1.0), (-50e-6, -0.5)):
+
+        def is_there(goal_m=goal_m, bound_v=bound_v) -> bool:
+            publisher.publish(Float64(data=goal_m))
+            return bool(heard) and heard[-1][1].data == bound_v
+
+        probe.until(is_there, f"{bound_v} V")
     voltages = np.array([message.data for _, message in heard])
     assert voltages.max() == 1.0
     assert voltages.min() == -0.5

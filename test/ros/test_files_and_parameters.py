@@ -125,9 +125,11 @@ def test_a_file_given_at_start_may_be_reloaded_wherever_it_lies(tmp_path, probe,
     assert "outside of the allowed folders" in probe.trigger(f"{node.name}/reload_parameters").message
 
 
-@pytest.mark.parametrize("kind", ["compensator", "simulated_pea", "identification", "gap_command", "gap_monitor"])
+@pytest.mark.parametrize(
+    "kind", ["compensator", "simulated_pea", "identification", "watch", "gap_command", "gap_monitor"]
+)
 def test_a_dump_has_every_parameter_and_starts_the_same_node_again(tmp_path, probe, start, kind):
-    files = [model_file(tmp_path / "model.yaml", EFFECTS)] if kind in ("compensator", "simulated_pea") else []
+    files = [model_file(tmp_path / "model.yaml", EFFECTS)] if kind in ("compensator", "simulated_pea", "watch") else []
     node = start(kind, *files)
     first = dumped(probe, node)
     values = yaml.safe_load(first)[node.name]["ros__parameters"]
@@ -179,7 +181,9 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     assert len(heard) > 0.5 * 200.0 * took_s
 
 
-@pytest.mark.parametrize("kind", ["compensator", "simulated_pea", "identification", "gap_command", "gap_monitor"])
+@pytest.mark.parametrize(
+    "kind", ["compensator", "simulated_pea", "identification", "watch", "gap_command", "gap_monitor"]
+)
 def test_a_misspelt_name_is_refused_at_start(tmp_path, start, kind):
     file = model_file(tmp_path / "model.yaml", maximun_voltage_v=1.0)
     node = start(kind, file)

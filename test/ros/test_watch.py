@@ -15,7 +15,7 @@ from std_msgs.msg import Float64, String
 
 from fomrc_core.storage import read_model
 
-RATE_HZ = 500.0
+RATE_HZ = 250.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 QUICK = {"learn_s": 10.0, "follow_s": 6.0, "memory_s": 60.0, "output_folder": "seen"}
 

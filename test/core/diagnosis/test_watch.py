@@ -52,11 +52,11 @@ def test_dependence_is_the_sum_of_the_autocorrelation():
 
 def test_false_alarms_are_no_more_frequent_than_stated():
     rng = np.random.default_rng(2)
-    mean_blocks = 100.0
+    mean_blocks = 50.0
     runs = []
     for _ in range(100):
         detector = ChangeDetector([1.0, 1.0], [True, False], mean_blocks)
-        crossing = detector.add(rng.standard_normal((4_000, 2)))
+        crossing = detector.add(rng.standard_normal((2_000, 2)))
         runs.append(detector.n_blocks if crossing is None else crossing.block + 1)
     print(f"mean of {np.mean(runs):.0f} blocks to a false alarm, at least {mean_blocks:.0f} stated")
     assert np.mean(runs) >= mean_blocks

@@ -1,0 +1,133 @@
+"""How a voltage travels: the message type, the quality of service, and to and from volts."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
+from rclpy.qos import HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray
+
+from fomrc_core.errors import InputError
+
+INTERFACES = ("float64", "joint_state", "float64_multi_array")
+# A driver is told that the compensator is gone when so long has passed without a sign of life from its process.
+LEASE_S = 0.5
+# And that it drives no more when this many periods have passed without a voltage.
+_DEADLINE_PERIODS, _LEAST_DEADLINE_S = 10.0, 0.1
+
+
+class VoltageInterface(ABC):
+    """A voltage as a message and back."""
+
+    message_type: type[Any]
+
+    @abstractmethod
+    def to_message(self, voltage_v: float, stamp: Time) -> Any:
+        """Return the message of a voltage [V] sent at ``stamp``."""
+
+    @abstractmethod
+    def entry_v(self, message: Any) -> float:
+        """Return the voltage in a message [V], unchecked; raises InputError where it has none."""
+
+    def voltage_v(self, message: Any) -> float:
+        """Return the voltage in a message [V]; raises InputError where it has none, or one that is not finite."""
+        value = self.entry_v(message)
+        if not math.isfinite(value):
+            raise InputError("not finite", where="voltage", value=value, allowed="finite, in V")
+        return value
+
+
+class Float64Voltage(VoltageInterface):
+    """std_msgs/Float64."""
+
+    message_type = Float64
+
+    def to_message(self, voltage_v: float, stamp: Time) -> Float64:
+        """Return the message of a voltage [V]; the stamp has no place in it."""
+        return Float64(data=voltage_v)
+
+    def entry_v(self, message: Float64) -> float:
+        """Return the voltage [V], unchecked."""
+        return float(message.data)
+
+
+class MultiArrayVoltage(VoltageInterface):
+    """std_msgs/Float64MultiArray of one entry, as forward controllers of ros2_control take it."""
+
+    message_type = Float64MultiArray
+
+    def to_message(self, voltage_v: float, stamp: Time) -> Float64MultiArray:
+        """Return the message of a voltage [V]; the stamp has no place in it."""
+        return Float64MultiArray(data=[voltage_v])
+
+    def entry_v(self, message: Float64MultiArray) -> float:
+        """Return the first entry [V], unchecked; raises InputError where there is none."""
+        if not message.data:
+            raise InputError("no voltage", where="Float64MultiArray.data", value=0, allowed="1 or more entries")
+        return float(message.data[0])
+
+
+class JointStateVoltage(VoltageInterface):
+    """sensor_msgs/JointState, stamped, the voltage as the effort of a joint.
+
+    Args:
+        joint_name: which joint; in messages without names it is the first.
+    """
+
+    message_type = JointState
+
+    def __init__(self, joint_name: str) -> None:
+        self.joint_name = joint_name
+
+    def to_message(self, voltage_v: float, stamp: Time) -> JointState:
+        """Return the stamped message of a voltage [V]."""
+        message = JointState(name=[self.joint_name], effort=[voltage_v])
+        message.header.stamp = stamp
+        return message
+
+    def entry_v(self, message: JointState) -> float:
+        """Return the effort of the joint [V], unchecked; raises InputError where it is missing."""
+        names = list(message.name)
+        if names and self.joint_name not in names:
+            raise InputError(
+                "joint not in the message", where="JointState.name", value=names[:5], allowed=self.joint_name
+            )
+        k = names.index(self.joint_name) if names else 0
+        if k >= len(message.effort):
+            raise InputError(
+                "no effort for the joint", where="JointState.effort", value=len(message.effort), allowed="1 or more"
+            )
+        return float(message.effort[k])
+
+
+def voltage_interface(interface: str, joint_name: str) -> VoltageInterface:
+    """Return the interface of this name, one of ``INTERFACES``; raises InputError for others."""
+    if interface == "float64":
+        return Float64Voltage()
+    if interface == "joint_state":
+        return JointStateVoltage(joint_name)
+    if interface == "float64_multi_array":
+        return MultiArrayVoltage()
+    raise InputError("unknown interface", where="voltage_interface", value=interface, allowed=" | ".join(INTERFACES))
+
+
+def voltage_quality(period_s: float) -> QoSProfile:
+    """Return the quality of service of a voltage: newest only, reliable, with a deadline and a sign of life.
+
+    Args:
+        period_s: period of the voltage [s].
+    """
+    deadline_s = max(_DEADLINE_PERIODS * period_s, _LEAST_DEADLINE_S)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        deadline=Duration(nanoseconds=round(1e9 * deadline_s)),
+        liveliness=LivelinessPolicy.AUTOMATIC,
+        liveliness_lease_duration=Duration(nanoseconds=round(1e9 * LEASE_S)),
+    )
