@@ -330,3 +330,14 @@ def test_progress_is_a_line_per_stage_where_there_is_no_terminal(capsys: pytest.
         "fit:  50 % weights",
         "fit: 100 % end",
     ]
+
+
+def test_the_doctor_says_what_is_there_and_what_is_missing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "h5py" else found(name))
+    assert run(["doctor"]) == 0
+    told = capsys.readouterr().out
+    assert "h5py: missing, needed for HDF5 and MATLAB 7.3 files" in told
+    assert "numba: " in told
