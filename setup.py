@@ -30,6 +30,8 @@ extras = {
     # Kept for who asks for it by its old name: numba is part of the base.
     "fast": [],
     "bags": ["rosbags>=0.10"],
+    # Files of other programs: parquet, Excel, HDF5 and MATLAB 7.3, LabVIEW. Text, .npz and .mat need none of it.
+    "formats": ["pandas>=1.5", "pyarrow>=10", "openpyxl>=3.0", "h5py>=3.7", "npTDMS>=1.6"],
     # colcon recognises the test framework by 'pytest' in an extra of this name.
     "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "distributed>=2023.1", "sybil>=6"],
     "bench": ["pytest-benchmark>=4"],

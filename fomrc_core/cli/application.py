@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from fomrc_core.cli.data_commands import doctor, import_file
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.export_command import export
@@ -58,6 +59,8 @@ application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)
 application.command()(data)
+application.command("import")(import_file)
+application.command()(doctor)
 application.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(demo)
 
 

@@ -12,13 +12,19 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.options import (
+    Accept,
     Columns,
+    Despike,
+    DropNan,
     OutputDirectory,
     Rate,
+    Reading,
     Recordings,
+    Resample,
+    Sort,
     Topics,
+    Units,
     progress_shown,
-    read,
     say,
 )
 from fomrc_core.errors import DataUnavailableError, FomrcError
@@ -35,6 +41,12 @@ def compare(
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
+    units: Units = None,
+    drop_nan: DropNan = False,
+    sort: Sort = False,
+    despike: Despike = False,
+    resample: Resample = None,
+    accept: Accept = False,
 ) -> None:
     """Compare the model with those of the field, on the same data with the same split."""
     from fomrc_core.comparison.comparison import FILE_NAMES
@@ -43,8 +55,9 @@ def compare(
 
     check_outputs(files_in(output, FILE_NAMES), [*recordings, test, *([model] if model else [])])
     extended = read_model(model) if model else None
-    records = [read(path, columns, rate, topics) for path in recordings]
-    held_out = read(test, columns, rate, topics)
+    reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
+    records = [reading.read(path) for path in recordings]
+    held_out = reading.read(test)
     folder = make_directory(output)
     with progress_shown("compare") as progress:
         comparison = score_all(records, held_out, folder, progress, extended_model=extended)

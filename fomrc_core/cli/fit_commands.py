@@ -10,13 +10,19 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.options import (
+    Accept,
     Columns,
+    Despike,
+    DropNan,
     OutputDirectory,
     Rate,
+    Reading,
     Recordings,
+    Resample,
+    Sort,
     Topics,
+    Units,
     progress_shown,
-    read,
     say,
     worker_threads,
 )
@@ -49,6 +55,12 @@ def identify(
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
+    units: Units = None,
+    drop_nan: DropNan = False,
+    sort: Sort = False,
+    despike: Despike = False,
+    resample: Resample = None,
+    accept: Accept = False,
 ) -> None:
     """Identify a model from recordings of voltage and displacement.
 
@@ -62,8 +74,9 @@ def identify(
     n_elements = _element_count(elements)
     outputs = {"--output": output} if json_file is None else {"--output": output, "--json": json_file}
     check_outputs(outputs, [*recordings, *([test] if test else [])])
-    records = [read(path, columns, rate, topics) for path in recordings]
-    held_out = read(test, columns, rate, topics) if test else None
+    reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
+    records = [reading.read(path) for path in recordings]
+    held_out = reading.read(test) if test else None
     with progress_shown("identify") as progress:
         fit = fit_to(records, n_elements=n_elements, method=method.value, test=held_out, progress=progress)
     sure = None
@@ -99,6 +112,12 @@ def diagnose(
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
+    units: Units = None,
+    drop_nan: DropNan = False,
+    sort: Sort = False,
+    despike: Despike = False,
+    resample: Resample = None,
+    accept: Accept = False,
 ) -> None:
     """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
 
@@ -112,9 +131,10 @@ def diagnose(
     inputs = [*recordings, *(path for path in (test, report, model) if path is not None)]
     check_outputs(files_in(output, FILE_NAMES), inputs)
     base = read_model(model) if model else None
-    records = [read(path, columns, rate, topics) for path in recordings]
-    held_out = read(test, columns, rate, topics) if test else None
-    third = read(report, columns, rate, topics) if report else None
+    reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
+    records = [reading.read(path) for path in recordings]
+    held_out = reading.read(test) if test else None
+    third = reading.read(report) if report else None
     check_usable([record for record in (*records, held_out, third) if record is not None])
     folder = make_directory(output)
     with worker_threads() as executor, progress_shown("diagnose") as progress:

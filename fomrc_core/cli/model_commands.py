@@ -8,7 +8,18 @@ from typing import Annotated
 
 import typer
 
-from fomrc_core.cli.options import Columns, Rate, Topics, read, say
+from fomrc_core.cli.options import (
+    Columns,
+    Despike,
+    DropNan,
+    Rate,
+    Reading,
+    Resample,
+    Sort,
+    Topics,
+    Units,
+    say,
+)
 
 ModelFile = Annotated[Path, typer.Option("--model", "-m", metavar="M.yaml", help="Model file.")]
 
@@ -31,6 +42,11 @@ def simulate(
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
+    units: Units = None,
+    drop_nan: DropNan = False,
+    sort: Sort = False,
+    despike: Despike = False,
+    resample: Resample = None,
 ) -> None:
     """Simulate the displacement a recorded voltage gives.
 
@@ -46,7 +62,8 @@ def simulate(
 
     check_outputs({"--output": output}, [model, recording])
     actuator = read_model(model)
-    record = read(recording, columns, rate, topics)
+    reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample)
+    record = reading.read(recording, is_judged=False)
     choose = estimate_start if initial_state is InitialState.ESTIMATE else relaxed_start
     start = choose(actuator, record)
     simulated_um = simulate_from(actuator, record, start)

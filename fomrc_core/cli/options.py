@@ -7,13 +7,17 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fomrc_core.errors import RecordingError
+
 if TYPE_CHECKING:
     from fomrc_core.records.recording import Recording
+    from fomrc_core.storage import ReadingOptions
 
 Progress = Callable[[float, str], None]
 
@@ -24,9 +28,20 @@ _TOPICS_HELP = "Which topic is what, in a rosbag2 folder: voltage=/x/voltage,dis
 Columns = Annotated[str | None, typer.Option("--columns", help=_COLUMNS_HELP)]
 Rate = Annotated[float | None, typer.Option("--rate", help=_RATE_HELP)]
 Topics = Annotated[str | None, typer.Option("--topics", help=_TOPICS_HELP)]
+Units = Annotated[
+    str | None,
+    typer.Option(
+        "--units", help="Units the file does not tell: time=ms,voltage=mV,displacement=nm; 15V is 15 V a count."
+    ),
+]
+Accept = Annotated[bool, typer.Option("--accept", help="Go on where a recording looks wrong.")]
+DropNan = Annotated[bool, typer.Option("--drop-nan", help="Leave out rows that hold no number.")]
+Sort = Annotated[bool, typer.Option("--sort", help="Sort rows by time, keep the first of those of one time.")]
+Despike = Annotated[bool, typer.Option("--despike", help="Replace spikes and dropouts by straight lines.")]
+Resample = Annotated[float | None, typer.Option("--resample", metavar="HZ", help="Interpolate to an even rate [Hz].")]
 Recordings = Annotated[
     list[Path],
-    typer.Argument(metavar="REC...", help="CSV (.gz), column file or rosbag2 folder; one or more."),
+    typer.Argument(metavar="REC...", help="CSV (.gz), a table of another program, or rosbag2 folder; one or more."),
 ]
 OutputDirectory = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")]
 
@@ -36,17 +51,63 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def read(path: Path, columns: str | None, rate_hz: float | None, topics: str | None) -> Recording:
-    """Read a recording as the options say."""
-    from fomrc_core.storage import read_recording
-    from fomrc_core.storage.told_columns import column_numbers, named_once
+@dataclass(frozen=True)
+class Reading:
+    """How a command reads its recordings, as the options say it."""
 
-    return read_recording(
-        path,
-        columns=None if columns is None else column_numbers(columns, "--columns"),
-        rate_hz=rate_hz,
-        topics=None if topics is None else named_once(topics, "--topics"),
-    )
+    columns: str | None = None
+    rate_hz: float | None = None
+    topics: str | None = None
+    units: str | None = None
+    drop_nan: bool = False
+    sort: bool = False
+    despike: bool = False
+    resample_hz: float | None = None
+    is_accepted: bool = False
+
+    def read(self, path: Path, *, is_judged: bool = True) -> Recording:
+        """Read a recording, say in a line what was read, and what was changed.
+
+        Args:
+            path: file or folder.
+            is_judged: refuse what no piezo actuator does, unless that was accepted; only say it where not.
+
+        Raises:
+            RecordingError: what was read looks wrong.
+        """
+        from fomrc_core.records.plausibility import summary_line, suspicions
+        from fomrc_core.storage import read_as
+
+        found = read_as(path, self.options())
+        recording = found.recording
+        say(f"read {recording.name}: {summary_line(recording)}")
+        for change in found.changes:
+            say(f"read {recording.name}: {change}")
+        doubts = suspicions(recording)
+        if doubts and is_judged and not self.is_accepted:
+            raise RecordingError(
+                "; ".join(doubts), where=recording.name, value=summary_line(recording), allowed="--accept to go on"
+            )
+        for doubt in doubts:
+            say(f"read {recording.name}: {doubt}")
+        return recording
+
+    def options(self) -> ReadingOptions:
+        """Return the same as the reader takes it."""
+        from fomrc_core.storage import ReadingOptions
+        from fomrc_core.storage.foreign import told_units
+        from fomrc_core.storage.told_columns import column_numbers, named_once
+
+        return ReadingOptions(
+            columns=None if self.columns is None else column_numbers(self.columns, "--columns"),
+            rate_hz=self.rate_hz,
+            topics=None if self.topics is None else named_once(self.topics, "--topics"),
+            units=None if self.units is None else told_units(self.units),
+            drop_nan=self.drop_nan,
+            sort=self.sort,
+            despike=self.despike,
+            resample_hz=self.resample_hz,
+        )
 
 
 @contextmanager

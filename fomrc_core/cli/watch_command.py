@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.model_commands import ModelFile
-from fomrc_core.cli.options import Columns, Rate, Recordings, Topics, read, say
+from fomrc_core.cli.options import Columns, Rate, Reading, Recordings, Topics, Units, say
 
 # What is simulated at a time of a long recording.
 _N_CHUNK = 100_000
@@ -33,6 +33,7 @@ def watch(
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
+    units: Units = None,
 ) -> None:
     """Run the model beside recordings of one stage, in their order, and say when the stage is no longer that model.
 
@@ -63,8 +64,9 @@ def watch(
             if folder is not None:
                 write_change(case, found, make_directory(folder / f"change_{len(changes)}"))
 
+    reading = Reading(columns, rate, topics, units)
     for path in recordings:
-        record = read(path, columns, rate, topics)
+        record = reading.read(path, is_judged=False)
         moved_um = record.measured_um
         if watcher is None:
             watcher = ModelWatch(actuator, record.sample_period_s, settings, fit_rms_um)

@@ -9,6 +9,7 @@ __all__ = [
     "noise",
     "noise_estimate",
     "noise_model",
+    "plausibility",
     "quality",
     "recording",
     "repeats",

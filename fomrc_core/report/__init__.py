@@ -8,4 +8,5 @@ __all__ = [
     "diagnosis_files",
     "diagnosis_fleet",
     "fit_results",
+    "recording_figure",
 ]

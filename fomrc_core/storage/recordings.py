@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,12 @@ from fomrc_core.errors import StorageError
 from fomrc_core.records.recording import Recording
 from fomrc_core.storage.atomic import read_text, write_text
 from fomrc_core.storage.bags import is_bag, read_bag
+from fomrc_core.storage.foreign import Understood, is_binary_table, read_binary_table, read_text_table, understand
 from fomrc_core.storage.tables import TextTable, number_or_none
 
 _N_BYTES_MAX = 2**31
+_OTHER_UNIT = "column has another unit, or none"
+_TELLING = ("the file does not say the unit", "two columns are")
 
 # What a column is called in a header (first) and what else it may be called there.
 _HEADER_NAMES: dict[str, tuple[str, ...]] = {
@@ -44,8 +48,9 @@ def read_recording(
     columns: Mapping[str, int | None] | None = None,
     rate_hz: float | None = None,
     topics: Mapping[str, str] | None = None,
+    units: dict[str, tuple[str, float]] | None = None,
 ) -> Recording:
-    """Read a recording from a CSV file with a header, a plain column file or a rosbag2 folder.
+    """Read a recording from a CSV file with a header, a plain column file, a rosbag2 folder or a foreign table.
 
     Args:
         path: the file or folder; text may be packed with gzip.
@@ -54,6 +59,7 @@ def read_recording(
             cross_voltage, cross_displacement.
         rate_hz: sample rate [Hz] where the file has no time.
         topics: for rosbag2 folders: topic by quantity, where the names in the bag do not tell.
+        units: unit and factor by quantity where the file does not tell, see ``foreign.told_units``.
 
     Raises:
         StorageError: whatever is wrong with the file, in one line.
@@ -65,15 +71,64 @@ def read_recording(
         return read_bag(path, topics=topics)
     if topics is not None:
         raise StorageError("topics are for rosbag2 folders", where=os.fspath(path), allowed="columns, rate")
-    table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    name = Path(path).name
+    told = None if columns is None else dict(columns)
+    if is_binary_table(Path(path)):
+        return recording_of(understand(read_binary_table(Path(path)), told, rate_hz, units), name)
+    text = read_text(path, n_bytes_max=_N_BYTES_MAX)
+    try:
+        return Recording(**_own_fields(text, os.fspath(path), columns, rate_hz), name=name)
+    except StorageError as error:
+        return recording_of(_foreign(text, os.fspath(path), told, rate_hz, units, error), name)
+
+
+def recording_of(understood: Understood, name: str) -> Recording:
+    """Return what was understood as a recording.
+
+    Raises:
+        RecordingError: values that are not finite, or a time that does not increase.
+    """
+    fields: dict[str, Any] = dict(understood.fields)
+    return Recording(**fields, name=name)
+
+
+def _own_fields(
+    text: str, where: str, columns: Mapping[str, int | None] | None, rate_hz: float | None
+) -> dict[str, Any]:
+    table = TextTable.of_text(text, where)
     header = table.cells(0) if columns is None else None
     if columns is None:
         table, found = _columns_of_header(table)
     else:
         table, found = _columns_as_told(table, columns)
     _demand(found, ("voltage_v",), table.where, header)
-    values: dict[str, Any] = {**_fields(table, found, rate_hz, header)}
-    return Recording(**values, name=Path(path).name)
+    return {**_fields(table, found, rate_hz, header)}
+
+
+def _foreign(
+    text: str,
+    where: str,
+    columns: dict[str, int | None] | None,
+    rate_hz: float | None,
+    units: dict[str, tuple[str, float]] | None,
+    error: StorageError,
+) -> Understood:
+    """Return what a file of another program holds; raise the error of the own format where it is no such file."""
+    # Many arguments: the options of reading, and what the strict reader said.
+    lines = [line for line in text.split("\n") if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    is_own = bool(lines) and {"time_s", "voltage_v"} <= {
+        cell.strip().strip('"').strip().lower() for cell in re.split(r"[,;\t ]+", lines[0])
+    }
+    is_own = is_own and not error.what.startswith(_OTHER_UNIT)
+    has_decimal_commas = len(lines) > 1 and "," in lines[1] and "," not in lines[0]
+    if (is_own and not has_decimal_commas) or (columns is not None and not has_decimal_commas and units is None):
+        raise error
+    try:
+        return understand(read_text_table(text, where), columns, rate_hz, units)
+    except StorageError as other:
+        # what it lacks is told by who understood more of it
+        is_telling = other.what.startswith(_TELLING) and not error.what.startswith("no column time_s")
+        raise other if is_telling else error from None
 
 
 def read_target(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -151,7 +206,7 @@ def _refuse_other_units(header: Sequence[str], found: Mapping[str, int], where: 
         quantity, _, unit = cell.lower().rpartition("_")
         field = _FIELD_OF_QUANTITY.get(quantity or unit)
         if field is not None and field not in found:
-            raise StorageError("column has another unit, or none", where=where, value=cell, allowed=field)
+            raise StorageError(_OTHER_UNIT, where=where, value=cell, allowed=field)
 
 
 def _columns_as_told(table: TextTable, columns: Mapping[str, int | None]) -> tuple[TextTable, dict[str, int]]:

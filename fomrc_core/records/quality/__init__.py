@@ -4,6 +4,7 @@
 """
 
 from fomrc_core.records.quality.clipping import NoisyEnd, noisy_end
+from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 
@@ -14,6 +15,7 @@ __all__ = [
     "FaultKind",
     "NoisyEnd",
     "bridged",
+    "drive_part",
     "examine",
     "examine_residual",
     "noisy_end",

@@ -233,8 +233,9 @@ def test_bad_input_is_one_line_and_exit_status_2(
         assert expected in told.out + told.err
         return
     assert expected in told.err
-    assert told.err.startswith("fomrc: ")
-    assert told.err.count("\n") == 1
+    *read, line = told.err.splitlines()
+    assert line.startswith("fomrc: ")
+    assert all(shown.startswith("read ") for shown in read)
     assert told.out == ""
     assert set(os.listdir(measured.parent)) - before <= {"result"}
 
@@ -329,3 +330,14 @@ def test_progress_is_a_line_per_stage_where_there_is_no_terminal(capsys: pytest.
         "fit:  50 % weights",
         "fit: 100 % end",
     ]
+
+
+def test_the_doctor_says_what_is_there_and_what_is_missing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "h5py" else found(name))
+    assert run(["doctor"]) == 0
+    told = capsys.readouterr().out
+    assert "h5py: missing, needed for HDF5 and MATLAB 7.3 files" in told
+    assert "numba: " in told

@@ -23,7 +23,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     time_s = np.arange(400) * 0.01
     moved = np.sin(2.0 * np.pi * time_s)
-    columns = {"time_s": time_s, "voltage_v": moved, "displacement_um": moved, "desired_um": moved}
+    columns = {"time_s": time_s, "voltage_v": moved, "displacement_um": 1.3 * moved, "desired_um": moved}
     for name in ("good.csv", "other.csv"):
         write_columns(columns, tmp_path / name)
     (tmp_path / "model.yaml").write_bytes(_TABLE_1.read_bytes())
@@ -111,7 +111,10 @@ def test_a_pipe_or_a_device_is_no_recording(here: Path, capsys: pytest.CaptureFi
 def test_the_header_found_is_shown_where_a_column_is_missing(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "drive.csv").write_text("time_s,drive,sensor\n0,1,2\n1,2,3\n")
     assert run(["identify", "drive.csv", "-o", "m.yaml"]) == 2
-    assert "drive.csv: no column voltage_v, got 'time_s,drive,sensor'" in capsys.readouterr().err
+    assert (
+        "drive.csv: the file does not say the unit of voltage and displacement, got 'time_s, drive, sensor'"
+        in capsys.readouterr().err
+    )
     assert run(["compensate", "-m", "model.yaml", "-i", "drive.csv", "-o", "v.csv"]) == 2
     assert "no column desired_um, got 'time_s,drive,sensor'" in capsys.readouterr().err
     (here / "drive.csv").write_text("voltage_v,sensor\n1,2\n2,3\n")

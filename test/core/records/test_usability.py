@@ -118,7 +118,10 @@ def test_measured_records_are_taken() -> None:
         (_record(voltage_v=np.ones(1000)), "bad.csv: voltage_v: voltage is constant"),
         (_with_gap(30), "bad.csv: time_s: gap after sample 399, at 0.798 s"),
         (_clipped(highest_um=2.0), "bad.csv: displacement_um: sensor is clipped"),
-        (_record(displacement_um=_record().measured_um * 1e-6), "bad.csv: displacement_um: displacement range"),
+        (
+            _record(displacement_um=_record().measured_um * 1e-6),
+            "bad.csv: 1.2e-06 um/V is not what piezo actuators give",
+        ),
         ("time_s,voltage_v,displacement_um\n0,0,0\n0.1,1,1\n0.1,2,2\n", "bad.csv, line 4, column time_s: time does"),
         ("time_s,voltage_v,displacement_um\n0,0,0\n0.1,nan,1\n", "bad.csv, line 3, column voltage_v: not finite"),
         ("time_s,current_a,displacement_um\n0,0,0\n0.1,1,1\n", "bad.csv: no column voltage_v"),
@@ -141,6 +144,6 @@ def test_the_commands_refuse_it_in_one_line(
     told = capsys.readouterr()
     *progress, line = told.err.splitlines()
     assert line.startswith(f"fomrc: {message}")
-    assert all(shown.startswith(f"{command}: ") for shown in progress)
+    assert all(shown.startswith((f"{command}: ", "read bad.csv: ")) for shown in progress)
     assert told.out == ""
     assert not [path for path in tmp_path.rglob("*") if path.is_file() and path.name != "bad.csv"]
