@@ -19,6 +19,7 @@ from fomrc_core.diagnosis.remainder import Dependence
 _SIGNIFICANCE = 0.01  # of the hypothesis that nothing is left, for all tests together
 _NEGLIGIBLE_SHARE = 0.1  # of the noise's power: it raises an rms by 5 %, about what a noise floor is known to
 _LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
+_LARGEST_EXCESS_FLEXIBLE = 1.1  # the same with a cause of dozens of weights: what a floor is known to, and no more
 _LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
 # Times the noise's power, of what weights learned from noise may err by: an estimate of it that is larger says that the
 # records are too short for their noise, and not that anything may be left.
@@ -111,10 +112,8 @@ def judge(
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
     if sees_slow_noise and worst_um > _LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
-    if is_flexible and not sees_slow_noise and after_um > _LARGEST_EXCESS * floor_um:
-        reasons.append(
-            f"it is {after_um / floor_um:.2f} times the noise from sample to sample, with a cause that bends"
-        )
+    if is_flexible and after_um > _LARGEST_EXCESS_FLEXIBLE * floor_um:
+        reasons.append(f"it is {after_um / floor_um:.2f} times the known noise, with a cause that bends to much else")
     carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
     if after_um > _LARGEST_CARRYING * carried_um:
         reasons.append(f"it is {after_um / learned_um:.2f} times what is left of the data it was learned from")
