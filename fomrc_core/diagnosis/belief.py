@@ -2,8 +2,7 @@
 
 Three things speak for a name: by how much it is likelier than the next, how little of what the base missed is left,
 and how much of what is left still follows the drive. They are weighed by a logistic regression (Platt, 1999) whose
-weights come from hidden causes of the development seeds of both worlds (docs/decisions/0007-probabilities.md); what
-they are worth is read from the reporting seeds (docs/study.md, reliability).
+weights come from hidden causes of development seeds of the second world (test/hidden/calibrate.py).
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ _PER_LOG_MARGIN = 1.2
 _PER_UNEXPLAINED = -5.0
 _PER_DEPENDENCE = -2.0
 _OF_NOISE = 1.0
-_OF_TIE = 0.5  # two causes alike share what one of them would have
+_PER_TIE = -0.7
+_WEIGHTS = (_PER_LOG_MARGIN, _PER_UNEXPLAINED, _PER_DEPENDENCE, _OF_NOISE, _PER_TIE)
 
 
 def with_probabilities(
@@ -35,24 +35,23 @@ def with_probabilities(
     """
     believed = []
     for number, finding in enumerate(findings):
-        probability = _logistic(evidence(finding, judgement))
-        if tied and number == len(findings) - 1:
-            probability *= 1.0 / (1.0 + _OF_TIE * len(tied) * 2.0)
-        believed.append(replace(finding, probability=probability))
+        n_tied = len(tied) if number == len(findings) - 1 else 0
+        evidence = evidence_of(finding, judgement, n_tied)
+        log_odds = _INTERCEPT + sum(weight * value for weight, value in zip(_WEIGHTS, evidence, strict=True))
+        believed.append(replace(finding, probability=_logistic(log_odds)))
     return tuple(believed)
 
 
-def evidence(finding: Finding, judgement: Judgement) -> float:
-    """Return the log odds that a finding is the cause [1]."""
+def evidence_of(finding: Finding, judgement: Judgement, n_tied: int) -> tuple[float, ...]:
+    """Return what speaks for and against a name.
+
+    The logarithm of one more than its margin, the share that is unexplained, the share of what is left that follows the
+    drive, whether what is left is noise, and the logarithm of one more than the number of causes it cannot be told
+    from: all of them numbers without a unit.
+    """
     margin = math.log1p(min(max(finding.margin, 0.0), _ENOUGH_MARGIN))
     followed = max((d.share for d in judgement.dependences if d.p_value < 0.01), default=0.0)
-    return (
-        _INTERCEPT
-        + _PER_LOG_MARGIN * margin
-        + _PER_UNEXPLAINED * judgement.unexplained_share
-        + _PER_DEPENDENCE * followed
-        + _OF_NOISE * judgement.is_noise
-    )
+    return (margin, judgement.unexplained_share, followed, float(judgement.is_noise), math.log1p(n_tied))
 
 
 def probability_of_unknown(judgement: Judgement, findings: tuple[Finding, ...]) -> float:
