@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from fomrc_core.cli.axes_commands import benchmark, identify_axes
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.export_command import export
@@ -51,12 +52,14 @@ application.command()(compensate)
 application.command()(export)
 application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
+application.command("identify-axes")(identify_axes)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
 application.command()(watch)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)
+application.command()(benchmark)
 application.command()(data)
 application.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(demo)
 
