@@ -75,9 +75,10 @@ class MirrorBenchmark:
         lines = []
         if found.broken:
             lines.append("left out, their periods disagree: " + ", ".join(found.broken))
+        n_modes = found.model.modes.n_modes if found.model.modes else 0
         lines.append(
-            f"{found.n_parameters} parameters, {found.model.modes.n_modes if found.model.modes else 0} modes; trained in "
-            f"{self.training_s:.0f} s; {self.us_per_sample:.2f} us a simulated sample"
+            f"{found.n_parameters} parameters, {n_modes} modes; trained in {self.training_s:.0f} s; "
+            f"{self.us_per_sample:.2f} us a simulated sample"
         )
         return "\n".join([*lines, *map(str, self.scores)])
 

@@ -178,7 +178,9 @@ def axes_from_mapping(block: dict[str, Any], where: str = "model.axes") -> AxesM
         return float(value)
 
     def matrix(key: str, n_columns: int) -> Array:
-        value = left.pop(key, None)
+        if key not in left:
+            raise ParameterError(f"{key} is missing", where=where, allowed=f"numbers, {n_columns} a row")
+        value = left.pop(key)
         try:
             found = np.array(value, dtype=np.float64).reshape(-1, n_columns)
         except (TypeError, ValueError):

@@ -16,6 +16,7 @@ Progress = Callable[[float, str], None]
 
 _LEAST_DAMPING = 5e-4  # a mode that rings longer than 2000 periods is the fit's, not the structure's
 _MOST_LAMBDA = 1e6
+LEAST_PLAY_WEIGHT = 1e-3  # of the slope beside it: Maxwell elements need one greater than zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,8 @@ class AxesFit:
             still: the relative gain of a step below which it ends.
             progress: told share and text of each step.
         """
-        x, held, damping = start.vector(), ~free, 1e-3
+        x, damping = start.vector(), 1e-3
+        plays = start.mask("play_weights") & free
         problem = self.normal_equations(start)
         for k in range(n_steps):
             matrix, gradient = problem.matrix[np.ix_(free, free)], problem.gradient[free]
@@ -95,13 +97,13 @@ class AxesFit:
             while damping < _MOST_LAMBDA:
                 trial = x.copy()
                 trial[free] += np.linalg.solve(matrix + damping * np.diag(scale), gradient)
+                trial[plays] = np.maximum(trial[plays], LEAST_PLAY_WEIGHT)
                 moved = start.moved_to(trial)
-                if _is_sound(moved, self.response.step_s) and (cost := self.cost(moved)) < problem.cost:
+                if is_sound(moved, self.response.step_s) and (cost := self.cost(moved)) < problem.cost:
                     break
                 damping *= 6.0
             else:
                 break
-            assert np.array_equal(trial[held], x[held])
             x, damping = trial, max(damping / 6.0, 1e-8)
             gain = 1.0 - cost / problem.cost
             if progress is not None:
@@ -112,7 +114,7 @@ class AxesFit:
         return start.moved_to(x), problem
 
 
-def _is_sound(parameters: AxesParameters, step_s: float) -> bool:
+def is_sound(parameters: AxesParameters, step_s: float) -> bool:
     """Whether every mode decays, and the delay is within a sample."""
     damping = np.exp(parameters.log_damping)
     delay = float(parameters.delay_s[0])
@@ -122,6 +124,6 @@ def _is_sound(parameters: AxesParameters, step_s: float) -> bool:
         and damping.min(initial=1.0) > _LEAST_DAMPING
         and damping.max(initial=0.0) < 0.5
         and changes < 3.0
-        and 0.02 * step_s < delay < 0.98 * step_s
+        and 1e-4 * step_s < delay < (1.0 - 1e-4) * step_s
         and 0.05 < parameters.exponent[0] < 3.0
     )

@@ -21,7 +21,7 @@ from fomrc_core.identification.axes.periodic import PeriodicRecord, broken_recor
 from fomrc_core.identification.axes.pruning import pruned
 from fomrc_core.identification.axes.rational import common_poles
 from fomrc_core.identification.axes.response import ResponseFit
-from fomrc_core.identification.axes.starts import empty_parameters, with_mode, with_shapes
+from fomrc_core.identification.axes.starts import empty_parameters, with_mode, with_shapes, without_mode
 from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
@@ -32,9 +32,9 @@ Progress = Callable[[float, str], None]
 _BASE = ("log_frequency", "log_damping", "output_re", "output_im", "input_re", "input_im", "static", "delay_s")
 _LEVEL = ("softening", "exponent", "damping_change", "gain_change", "static_change")
 _SAME_LEVEL = 0.15  # relative spread of what counts as one level
-_MODE_GAIN, _JOINT_GAIN = 0.005, 0.01  # of the held-out cost, below which one more mode or joint does not stay
-_JOINT_STARTS = 4
-_LEAST_WEIGHT = 1e-3  # of a play: Maxwell elements need one greater than zero
+_MODE_GAIN, _JOINT_GAIN = 0.02, 0.01  # of the held-out cost, below which one more mode or joint does not stay
+_JOINT_STARTS = 3
+_N_COARSE_LINES = 1200
 # Shares of the lowest level at which plays stand: one for what acts like a relay, one for large loops.
 PLAY_SHARES = (0.1, 1.0)
 
@@ -131,18 +131,18 @@ def identify_axes(
     names = (*_BASE, *(_LEVEL if has_levels else ()), *(("play_weights",) if thresholds.size else ()))
     if has_levels:
         par = replace(par, softening=np.full(par.n_modes, -0.005), exponent=np.array([0.7]))
-    fit = _fit_of(good, thresholds, reference)
+    coarse = _fit_of(tuple(record.thinned(_thinning(record)) for record in good), thresholds, reference)
     if has_levels:
-        par, _ = fit.fitted(par, par.mask(*_BASE, "softening"), n_steps=6, still=1e-3)
+        par, _ = coarse.fitted(par, par.mask(*_BASE, "softening"), n_steps=6, still=1e-3)
     tell(0.4, "level and hysteresis")
-    par, _ = fit.fitted(par, par.mask(*names), n_steps=8, still=1e-3)
+    par, _ = coarse.fitted(par, par.mask(*names), n_steps=10, still=1e-3)
+    fit = _fit_of(good, thresholds, reference)
     tell(0.5, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     par, names = _joints(good, thresholds, reference, (par, names), options, tell)
     if has_levels:
         names = (*names, "softening_squared")
         par, _ = fit.fitted(par, par.mask(*names), n_steps=6, still=1e-3)
     tell(0.8, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %, leaving out what matters least")
-    par = replace(par, play_weights=np.maximum(par.play_weights, _LEAST_WEIGHT))
     par, free, problem = pruned(fit, par, par.mask(*names), options.n_parameters_max - thresholds.size, tell)
     model = model_of(par, thresholds, reference if has_levels else None)
     places = par.places()
@@ -219,17 +219,19 @@ def _modes(
 ) -> AxesParameters:
     first = middle[0]
     step_s, top_hz = 1.0 / first.rate_hz, float(first.frequency_hz[-1])
-    hz, damping = common_poles(middle, options.n_poles, 0.85 * step_s)
+    coarse = tuple(record.thinned(_thinning(record)) for record in middle)
+    hz, damping = common_poles(coarse, options.n_poles, 0.85 * step_s)
     shape = (first.displacement.shape[0], first.voltage.shape[0])
-    learnt, held = (middle[:-1], middle[-1:]) if len(middle) > 2 else (middle, middle)
+    learnt, held = (coarse[:-1], coarse[-1:]) if len(coarse) > 2 else (coarse, coarse)
     fit, judge = (_fit_of(part, np.zeros(0), reference_v) for part in (learnt, held))
     trials = []
-    for share in (0.1, 0.35, 0.6, 0.85):
+    for share in (0.01, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95):
         trial = with_shapes(fit, empty_parameters(hz, damping, shape, share * step_s))
         trials.append((fit.cost(trial), share, trial))
-    par = min(trials, key=lambda found: found[0])[2]
-    free = par.mask(*_BASE)
-    par, _ = fit.fitted(par, free, n_steps=15, still=1e-3)
+    # which delay is best shows once the poles have followed it
+    begun = [fit.fitted(trial, trial.mask(*_BASE), n_steps=4)[0] for _, _, trial in sorted(trials, key=_cost_of)[:3]]
+    par, _ = fit.fitted(min(begun, key=fit.cost), begun[0].mask(*_BASE), n_steps=12, still=1e-3)
+    par = _fewer(fit, judge, par, options.n_modes)
     best = judge.cost(par)
     while par.n_modes < (options.n_modes or 40):
         tell(0.05 + 0.01 * par.n_modes, f"{par.n_modes} modes, error {100.0 * np.sqrt(best):.2f} %")
@@ -238,8 +240,31 @@ def _modes(
         if options.n_modes is None and cost > (1.0 - _MODE_GAIN) * best:
             break
         par, best = more, min(best, cost)
-    whole = _fit_of(middle, np.zeros(0), reference_v)
-    par, _ = whole.fitted(par, par.mask(*_BASE), n_steps=10, still=1e-3)
+    return _fit_of(coarse, np.zeros(0), reference_v).fitted(par, par.mask(*_BASE), n_steps=6, still=1e-3)[0]
+
+
+def _cost_of(trial: tuple[float, float, AxesParameters]) -> float:
+    return trial[0]
+
+
+def _thinning(record: PeriodicRecord) -> int:
+    """Return by how much lines may be thinned where fits may be coarse: a thousand or so do for any start."""
+    return max(1, record.lines.size // _N_COARSE_LINES)
+
+
+def _fewer(fit: AxesFit, judge: AxesFit, par: AxesParameters, n_modes: int | None) -> AxesParameters:
+    """Return the fit without modes whose loss the held-out records do not feel, or without those over a number."""
+    while par.n_modes > 1:
+        best = judge.cost(par)
+        without = [without_mode(par, m) for m in range(par.n_modes)]
+        least = min(without, key=fit.cost)
+        is_over = n_modes is not None and par.n_modes > n_modes
+        if not is_over and fit.cost(least) > 2.0 * fit.cost(par):
+            break  # even the least of them is most of what there is
+        least, _ = fit.fitted(least, least.mask(*_BASE), n_steps=6, still=1e-3)
+        if not is_over and judge.cost(least) > (1.0 + _MODE_GAIN) * best:
+            break
+        par = least
     return par
 
 
@@ -276,7 +301,7 @@ def _joints(
     top = tuple(record for record in good if record.level_v > (1.0 - _SAME_LEVEL) * strongest)
     if len(top) < 3 or options.n_joints == 0:
         return par, names
-    learnt, judge = _fit_of(top[:-1], thresholds, reference_v), _fit_of(top[-1:], thresholds, reference_v)
+    learnt, judge = _fit_of(top[:2], thresholds, reference_v), _fit_of(top[-1:], thresholds, reference_v)
     fit = _fit_of(good, thresholds, reference_v)
     generator = np.random.default_rng(options.seed)
     soft = np.sqrt(np.abs(par.softening) / max(np.abs(par.softening).max(), 1e-12))
@@ -284,7 +309,7 @@ def _joints(
     for k in range(options.n_joints):
         tried = []
         for _ in range(_JOINT_STARTS):
-            strain = np.abs(linear.joint[0]).max(initial=0.0) or _unit_strain(learnt, linear)
+            strain = np.abs(linear.joint).max(initial=0.0) or _unit_strain(learnt, linear)
             shape = strain * soft * generator.choice([-1.0, 1.0], par.n_modes)
             trial = replace(linear, joint=np.vstack([linear.joint, shape]))
             trial, _ = learnt.fitted(trial, trial.mask(*_BASE), n_steps=2)
@@ -295,8 +320,7 @@ def _joints(
             break
         linear = best
         par = replace(par, joint=best.joint)
-        par, _ = fit.fitted(par, par.mask(*names), n_steps=3, still=1e-3)
-        par, _ = fit.fitted(par, par.mask(*names, "joint"), n_steps=6, still=1e-3)
+        par, _ = fit.fitted(par, par.mask(*names, "joint"), n_steps=5, still=2e-3)
         tell(0.55 + 0.1 * k, f"{k + 1} joints, error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     return par, (*names, "joint") if par.joint.size else names
 

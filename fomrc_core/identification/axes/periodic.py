@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,19 @@ class PeriodicRecord:
     def difference(self) -> float:
         """Periods' difference as a share of the displacement, mean of the outputs: noise, unless it is broken."""
         return float(np.mean(self.noise_um / self.rms_um))
+
+    def thinned(self, n: int) -> PeriodicRecord:
+        """Return the record with every n-th line, its rms what these lines have: for fits that may be coarse."""
+        rms = self.rms_um / np.sqrt(n)
+        kept = slice(None, None, n)
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[kept],
+            lines=self.lines[kept],
+            voltage=self.voltage[:, kept],
+            displacement=self.displacement[:, kept],
+            rms_um=rms,
+        )
 
     def spectrum_of(self, series: Array) -> ComplexArray:
         """Return the kept lines of series, (n, n_samples) -> (n, K)."""

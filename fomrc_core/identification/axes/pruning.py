@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.identification.axes.fit import AxesFit, NormalEquations
+from fomrc_core.identification.axes.fit import AxesFit, NormalEquations, is_sound
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
 
 Array = NDArray[np.float64]
@@ -61,8 +61,11 @@ def pruned(
         x = par.vector()
         free = free.copy()
         free[gone] = False
-        x = _with_the_others(x, gone, free, problem)
-        par, problem = fit.fitted(par.moved_to(x), free, n_steps=3, still=3e-4)
+        made_good = par.moved_to(_with_the_others(x, gone, free, problem))
+        x[gone] = 0.0
+        left_out = par.moved_to(x)
+        start = made_good if is_sound(made_good, fit.response.step_s) else left_out
+        par, problem = fit.fitted(start, free, n_steps=3, still=3e-4)
         tell(0.9, f"{int(free.sum())} parameters, error {100.0 * np.sqrt(problem.cost):.2f} %")
         if over <= 0:
             break

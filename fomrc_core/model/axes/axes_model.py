@@ -263,9 +263,9 @@ class AxesModel:
         q = 0.0 if level_v is None or self.level is None else self.level.change(level_v)
         gain = self.static * (1.0 + self.coupling_change * q)
         if self.modes is not None:
-            omega, damping, modal = self.modes.at(q)
-            # a state comes to rest at 1 + j zeta / sqrt(1 - zeta^2) times what drives it
-            rest = 1.0 + 1j * damping / np.sqrt(1.0 - damping**2)
+            _, damping, modal = self.modes.at(q)
+            # a state comes to rest at 1 - j zeta / sqrt(1 - zeta^2) times what drives it
+            rest = 1.0 - 1j * damping / np.sqrt(1.0 - damping**2)
             shapes = self.modes.output_shape * (modal * rest)[:, None]
             gain = gain + np.real(np.einsum("mo,mi->oi", shapes, self.modes.input_shape))
         return np.asarray(gain)

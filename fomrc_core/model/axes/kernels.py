@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.compiled import compiled, compiled_sums
+from fomrc_core.compute.compiled import compiled, compiled_inline, compiled_sums
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -63,6 +63,95 @@ def _slot(
     return k
 
 
+@compiled_inline
+def _follow_level(
+    step: float,
+    square: float,
+    law: Array,
+    base: Array,
+    scalars: Array,
+    poles: ComplexArray,
+    gains: Array,
+    lengths: Array,
+) -> None:
+    fade = np.exp(-step / law[2])
+    scalars[LEVEL_SUM] = scalars[LEVEL_SUM] * fade + square * step
+    scalars[LEVEL_WEIGHT] = scalars[LEVEL_WEIGHT] * fade + step
+    level = np.sqrt(scalars[LEVEL_SUM] / scalars[LEVEL_WEIGHT])
+    if abs(level - scalars[LEVEL_USED]) > MOVED * scalars[LEVEL_USED]:
+        scalars[LEVEL_USED] = level
+        set_level(level, law, base, poles, gains, lengths)
+
+
+@compiled_inline
+def _queue(
+    step: float,
+    held: Array,
+    shapes_in: ComplexArray,
+    places: IntArray,
+    queue_s: Array,
+    queue_um: Array,
+    queue_modes: ComplexArray,
+) -> None:
+    last = (places[FIRST] + places[COUNT]) % N_PIECES
+    places[COUNT] += 1
+    queue_s[last] = step
+    for i in range(held.size):
+        queue_um[last, i] = held[i]
+    for m in range(shapes_in.shape[0]):
+        total = complex(0.0, 0.0)
+        for i in range(held.size):
+            total += shapes_in[m, i] * held[i]
+        queue_modes[last, m] = total
+
+
+@compiled_inline
+def _let_out(
+    step: float,
+    places: IntArray,
+    queue_s: Array,
+    queue_modes: ComplexArray,
+    xi: ComplexArray,
+    poles: ComplexArray,
+    lengths: Array,
+    decay: ComplexArray,
+    drive: ComplexArray,
+) -> None:
+    left = step
+    while left > 0.0 and places[COUNT] > 0:
+        first = places[FIRST]
+        piece = min(queue_s[first], left)
+        is_whole = queue_s[first] <= left * (1.0 + SAME)
+        k = _slot(piece, poles, lengths, decay, drive, places)
+        for m in range(poles.size):
+            xi[0, m] = decay[k, m] * xi[0, m] + drive[k, m] * queue_modes[first, m]
+        if is_whole:
+            places[FIRST] = (first + 1) % N_PIECES
+            places[COUNT] -= 1
+        else:
+            queue_s[first] -= piece
+        left -= piece
+        if left <= SAME * step:
+            left = 0.0
+
+
+@compiled_inline
+def _answer(
+    xi: ComplexArray, shapes_out: ComplexArray, gains: Array, static: Array, drive_um: Array, out: Array
+) -> None:
+    n_modes = shapes_out.shape[0]
+    for o in range(out.size):
+        total = 0.0
+        for i in range(drive_um.size):
+            total += static[o, i] * drive_um[i]
+        out[o] = total * gains[n_modes]
+    for m in range(n_modes):
+        moved = (xi[0, m] + xi[1, m]) * gains[m]
+        for o in range(out.size):
+            c = shapes_out[m, o]
+            out[o] += c.real * moved.real - c.imag * moved.imag
+
+
 @compiled_sums
 def run_modes(
     steps_s: Array,
@@ -93,75 +182,33 @@ def run_modes(
 
     Returns False where the queue is too short for the delay in such steps: nothing is right from there on.
     """
-    # Long: one loop over samples; parts of it as functions would pass the state's twenty arrays each sample.
-    n_modes, n_in, n_out, n_joints = poles.size, moved_um.shape[1], out.shape[1], joints.shape[0]
+    n_in, has_law = moved_um.shape[1], law[0] > 0.0 and scalars[LEVEL_TOLD] < 0.5
     for n in range(steps_s.size):
         step = steps_s[n]
-        if law[0] > 0.0 and scalars[LEVEL_TOLD] < 0.5:
-            fade = np.exp(-step / law[2])
+        if has_law:
             square = 0.0
             for i in range(n_in):
-                square += voltage_v[n, i] * voltage_v[n, i]
-            scalars[LEVEL_SUM] = scalars[LEVEL_SUM] * fade + square / n_in * step
-            scalars[LEVEL_WEIGHT] = scalars[LEVEL_WEIGHT] * fade + step
-            level = np.sqrt(scalars[LEVEL_SUM] / scalars[LEVEL_WEIGHT])
-            if abs(level - scalars[LEVEL_USED]) > MOVED * scalars[LEVEL_USED]:
-                scalars[LEVEL_USED] = level
-                set_level(level, law, base, poles, gains, lengths)
-        # what was held until now joins the queue
+                square += voltage_v[n, i] * voltage_v[n, i] / n_in
+            _follow_level(step, square, law, base, scalars, poles, gains, lengths)
         if places[COUNT] >= N_PIECES:
             return False
-        last = (places[FIRST] + places[COUNT]) % N_PIECES
-        places[COUNT] += 1
-        queue_s[last] = step
-        for i in range(n_in):
-            queue_um[last, i] = held[i]
-        for m in range(n_modes):
-            total = complex(0.0, 0.0)
-            for i in range(n_in):
-                total += shapes_in[m, i] * held[i]
-            queue_modes[last, m] = total
-        # joints: forces held over the step
-        if n_joints:
+        _queue(step, held, shapes_in, places, queue_s, queue_um, queue_modes)
+        if joints.shape[0]:
+            # forces held over the step
             k = _slot(step, poles, lengths, decay, drive, places)
-            for m in range(n_modes):
+            for m in range(poles.size):
                 force = 0.0
-                for j in range(n_joints):
+                for j in range(joints.shape[0]):
                     force += joints[j, m] * forces[j]
                 xi[1, m] = decay[k, m] * xi[1, m] + drive[k, m] * force
-        # as much time leaves it
-        left = step
-        while left > 0.0 and places[COUNT] > 0:
-            first = places[FIRST]
-            piece = min(queue_s[first], left)
-            is_whole = queue_s[first] <= left * (1.0 + SAME)
-            k = _slot(piece, poles, lengths, decay, drive, places)
-            for m in range(n_modes):
-                xi[0, m] = decay[k, m] * xi[0, m] + drive[k, m] * queue_modes[first, m]
-            if is_whole:
-                places[FIRST] = (first + 1) % N_PIECES
-                places[COUNT] -= 1
-            else:
-                queue_s[first] -= piece
-            left -= piece
-            if left <= SAME * step:
-                left = 0.0
+        _let_out(step, places, queue_s, queue_modes, xi, poles, lengths, decay, drive)
         for i in range(n_in):
             held[i] = moved_um[n, i]
-        for j in range(n_joints):
+        for j in range(joints.shape[0]):
             strain = 0.0
-            for m in range(n_modes):
+            for m in range(poles.size):
                 strain += joints[j, m] * xi[0, m].real
             forces[j] = strain * abs(strain)
-        first = places[FIRST]
-        for o in range(n_out):
-            total_um = 0.0
-            for m in range(n_modes):
-                moved = xi[0, m] + xi[1, m]
-                c = shapes_out[m, o]
-                total_um += gains[m] * (c.real * moved.real - c.imag * moved.imag)
-            for i in range(n_in):
-                now = queue_um[first, i] if places[COUNT] > 0 else held[i]
-                total_um += gains[n_modes] * static[o, i] * now
-            out[n, o] = total_um
+        under_way = held if places[COUNT] == 0 else queue_um[places[FIRST]]
+        _answer(xi, shapes_out, gains, static, under_way, out[n])
     return True
