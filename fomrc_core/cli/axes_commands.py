@@ -64,9 +64,10 @@ def benchmark(
 ) -> None:
     """Train on a published benchmark's training sets and score; the last lines are the scores, one for each level.
 
-    Writes model.yaml and benchmark.md.
+    Writes model.yaml, benchmark.md and benchmark.png.
     """
     from fomrc_core.comparison import mirror_benchmark
+    from fomrc_core.comparison.mirror_figure import mirror_figure
     from fomrc_core.identification.axes import AxesOptions
     from fomrc_core.storage import make_directory, write_axes_model, write_text
 
@@ -78,6 +79,7 @@ def benchmark(
         found = mirror_benchmark.run_benchmark(train, test, progress, levels_mv=chosen, options=options)
     write_axes_model(found.identification.model, folder / "model.yaml")
     write_text(mirror_benchmark.page(found), folder / "benchmark.md")
+    mirror_figure(mirror_benchmark.RATE_HZ, found.spectra).savefig(folder / "benchmark.png", dpi=110)
     print(found)
 
 

@@ -36,7 +36,7 @@ _MODE_GAIN, _JOINT_GAIN = 0.02, 0.01  # of the held-out cost, below which one mo
 _JOINT_STARTS = 3
 _N_COARSE_LINES = 1200
 # Shares of the lowest level at which plays stand: one for what acts like a relay, one for large loops.
-PLAY_SHARES = (0.1, 1.0)
+PLAY_SHARES = (0.03, 0.3)
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class AxesOptions:
 
     n_modes: int | None = None
     n_poles: int = 14
-    n_joints: int = 2
+    n_joints: int = 1
     has_hysteresis: bool = True
     n_parameters_max: int = 300
     seed: int = 0
@@ -136,12 +136,12 @@ def identify_axes(
         par, _ = coarse.fitted(par, par.mask(*_BASE, "softening"), n_steps=6, still=1e-3)
     tell(0.4, "level and hysteresis")
     par, _ = coarse.fitted(par, par.mask(*names), n_steps=10, still=1e-3)
+    if has_levels:
+        names = (*names, "softening_squared")
+        par, _ = coarse.fitted(par, par.mask(*names), n_steps=10, still=1e-3)
     fit = _fit_of(good, thresholds, reference)
     tell(0.5, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     par, names = _joints(good, thresholds, reference, (par, names), options, tell)
-    if has_levels:
-        names = (*names, "softening_squared")
-        par, _ = fit.fitted(par, par.mask(*names), n_steps=6, still=1e-3)
     tell(0.8, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %, leaving out what matters least")
     par, free, problem = pruned(fit, par, par.mask(*names), options.n_parameters_max - thresholds.size, tell)
     model = model_of(par, thresholds, reference if has_levels else None)
@@ -229,8 +229,13 @@ def _modes(
         trial = with_shapes(fit, empty_parameters(hz, damping, shape, share * step_s))
         trials.append((fit.cost(trial), share, trial))
     # which delay is best shows once the poles have followed it
-    begun = [fit.fitted(trial, trial.mask(*_BASE), n_steps=4)[0] for _, _, trial in sorted(trials, key=_cost_of)[:3]]
-    par, _ = fit.fitted(min(begun, key=fit.cost), begun[0].mask(*_BASE), n_steps=12, still=1e-3)
+    trials = [found for found in trials if found[0] < 1.02 * min(trials, key=_cost_of)[0]] or trials
+    trials.sort(key=lambda found: _imaginary_share(found[2]))
+    begun = [fit.fitted(trial, trial.mask(*_BASE), n_steps=4)[0] for _, _, trial in trials[:3]]
+    least = min(fit.cost(trial) for trial in begun)
+    # with few modes a delay and phases of shapes stand in for one another: the most real shapes are taken
+    par = min((trial for trial in begun if fit.cost(trial) < 1.02 * least), key=_imaginary_share)
+    par, _ = fit.fitted(par, par.mask(*_BASE), n_steps=12, still=1e-3)
     par = _fewer(fit, judge, par, options.n_modes)
     best = judge.cost(par)
     while par.n_modes < (options.n_modes or 40):
@@ -241,6 +246,13 @@ def _modes(
             break
         par, best = more, min(best, cost)
     return _fit_of(coarse, np.zeros(0), reference_v).fitted(par, par.mask(*_BASE), n_steps=6, still=1e-3)[0]
+
+
+def _imaginary_share(par: AxesParameters) -> float:
+    """Return how far the modes' shapes are from real, each mode's phase free."""
+    par = par.in_one_gauge()
+    shapes = np.einsum("mo,mi->moi", par.output_shape, par.input_shape)
+    return float(np.sum(shapes.imag**2) / np.sum(np.abs(shapes) ** 2))
 
 
 def _cost_of(trial: tuple[float, float, AxesParameters]) -> float:

@@ -31,7 +31,8 @@ _MAY_GO = (
     "static_change",
     "joint",
 )
-_FREE_LOSS = 1e-5  # relative rise of the cost at which a parameter goes even where there is room
+_FREE_LOSS = 3e-5  # relative rise of the cost at which a parameter goes even where there is room
+_MOST_LOSS = 0.01  # relative rise of the cost by all of these
 _ROUND = 0.25  # share of what is to go in one round
 
 
@@ -52,24 +53,22 @@ def pruned(
     par, problem = fit.fitted(par, free, n_steps=3, still=3e-4)
     while True:
         over = int(free.sum()) - n_max
-        loss, order = _losses(par, free, problem)
-        n_cheap = int(np.sum(loss < _FREE_LOSS * problem.cost))
-        n_out = max(n_cheap, int(np.ceil(max(over, 0) * _ROUND)), min(over, 4) if over > 0 else 0)
-        if n_out == 0:
+        gone, x = _leaving(par, free, problem, int(np.ceil(max(over, 0) * _ROUND)))
+        if gone.size == 0:
             break
-        gone = order[:n_out]
-        x = par.vector()
-        free = free.copy()
-        free[gone] = False
-        made_good = par.moved_to(_with_the_others(x, gone, free, problem))
-        x[gone] = 0.0
-        left_out = par.moved_to(x)
-        start = made_good if is_sound(made_good, fit.response.step_s) else left_out
-        par, problem = fit.fitted(start, free, n_steps=3, still=3e-4)
+        fewer = free.copy()
+        fewer[gone] = False
+        start = par.moved_to(x)
+        if not is_sound(start, fit.response.step_s) or fit.cost(start) > 2.0 * problem.cost:
+            start = par.moved_to(np.where(fewer | ~free, par.vector(), 0.0))
+        left, left_problem = fit.fitted(start, fewer, n_steps=4, still=3e-4)
+        if over <= 0 and left_problem.cost > (1.0 + _MOST_LOSS) * problem.cost:
+            break  # what seemed free by the linearised problem was not
+        par, free, problem = left, fewer, left_problem
         tell(0.9, f"{int(free.sum())} parameters, error {100.0 * np.sqrt(problem.cost):.2f} %")
         if over <= 0:
             break
-    par, problem = fit.fitted(par, free, n_steps=8, still=1e-4)
+    par, problem = fit.fitted(par, free, n_steps=6, still=2e-4)
     return par, free, problem
 
 
@@ -82,25 +81,29 @@ def _gauge(par: AxesParameters) -> Mask:
     return mask
 
 
-def _losses(par: AxesParameters, free: Mask, problem: NormalEquations) -> tuple[Array, NDArray[np.int64]]:
-    """Return the rise of the cost for each that may go, ascending, and their places."""
+def _leaving(
+    par: AxesParameters, free: Mask, problem: NormalEquations, n_least: int
+) -> tuple[NDArray[np.int64], Array]:
+    """Return what leaves, and the vector without it, the rest moved to make good for it.
+
+    One after another, each where the loss is least by the linearised problem without those before it: of several
+    that stand in for one another one stays.
+    """
+    x, at = par.vector(), np.flatnonzero(free)
     block = problem.matrix[np.ix_(free, free)]
     scale = np.sqrt(np.diag(block) + 1e-300)
     inverse = np.linalg.inv(block / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
-    variance = np.diag(inverse) / scale**2
-    may = par.mask(*_MAY_GO)[free]
-    at = np.flatnonzero(free)
-    loss = np.where(may, par.vector()[free] ** 2 / variance, np.inf)
-    order = np.argsort(loss)
-    order = order[np.isfinite(loss[order])]
-    return loss[order], at[order]
-
-
-def _with_the_others(x: Array, gone: NDArray[np.int64], free: Mask, problem: NormalEquations) -> Array:
-    """Return the vector with some at zero and the rest moved to make good for them."""
-    moved = x.copy()
-    block = problem.matrix[np.ix_(free, free)]
-    moved[gone] = 0.0
-    right = problem.matrix[np.ix_(free, gone)] @ x[gone]
-    moved[free] += np.linalg.solve(block + 1e-9 * np.diag(np.diag(block)), right)
-    return moved
+    y, may = x[at] * scale, par.mask(*_MAY_GO)[free]
+    gone: list[int] = []
+    while True:
+        loss = np.where(may, y**2 / np.maximum(np.diag(inverse), 1e-12), np.inf)
+        k = int(np.argmin(loss))
+        if not np.isfinite(loss[k]) or (loss[k] > _FREE_LOSS * problem.cost and len(gone) >= n_least):
+            break
+        y = y - inverse[:, k] * (y[k] / inverse[k, k])
+        inverse = inverse - np.outer(inverse[:, k], inverse[k]) / inverse[k, k]
+        may[k] = False
+        gone.append(k)
+    x[at] = y / scale
+    x[at[gone]] = 0.0
+    return at[gone], x
