@@ -14,7 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from fomrc_core.errors import ParameterError, StorageError
-from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw
+from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage.atomic import read_text, write_text
 from fomrc_core.storage.model_files import model_block
@@ -150,6 +150,10 @@ def axes_mapping(model: AxesModel) -> dict[str, Any]:
             )
     if model.joints is not None:
         block["joint_shapes"] = model.joints.ravel().tolist()
+    if model.rate_relay is not None:
+        block["rate_relay_scale_v_per_s"] = float(model.rate_relay.scale_v_per_s)
+        block["rate_relay_prompt_um"] = model.rate_relay.prompt_um.tolist()
+        block["rate_relay_late_um"] = model.rate_relay.late_um.tolist()
     return block
 
 
@@ -210,9 +214,13 @@ def axes_from_mapping(block: dict[str, Any], where: str = "model.axes") -> AxesM
         changes = [matrix(f"mode_{name}", 1).ravel() for name in _MODE_LISTS if f"mode_{name}" in left]
         modes = AxesModes(frequency, damping, output, inputs, *changes)
         joints = matrix("joint_shapes", frequency.size) if "joint_shapes" in left else None
+    relay = None
+    if "rate_relay_scale_v_per_s" in left:
+        scale = number("rate_relay_scale_v_per_s")
+        relay = RateRelay(scale, *(matrix(f"rate_relay_{name}_um", 1).ravel() for name in ("prompt", "late")))
     if left:
         raise ParameterError("unknown key", where=where, value=next(iter(left)))
-    return AxesModel(axes, modes, coupling, delay, level, change, joints)
+    return AxesModel(axes, modes, coupling, delay, level, change, joints, relay)
 
 
 def _own(left: dict[str, Any], i: int, where: str) -> dict[str, Any]:

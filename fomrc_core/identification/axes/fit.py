@@ -88,7 +88,9 @@ class AxesFit:
             progress: told share and text of each step.
         """
         x, damping = start.vector(), 1e-3
-        plays = start.mask("play_weights") & free
+        plays = np.zeros(x.size, dtype=bool)  # the relay's weights, which follow them, are of either sign
+        plays[start.places()["play_weights"][: self.response.n_plays].ravel()] = True
+        plays &= free
         problem = self.normal_equations(start)
         for k in range(n_steps):
             matrix, gradient = problem.matrix[np.ix_(free, free)], problem.gradient[free]

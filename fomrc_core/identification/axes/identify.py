@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.errors import ParameterError, RecordingError
+from fomrc_core.errors import RecordingError
 from fomrc_core.identification.axes.fit import AxesFit
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
 from fomrc_core.identification.axes.periodic import PeriodicRecord, broken_records
@@ -22,7 +22,7 @@ from fomrc_core.identification.axes.pruning import pruned
 from fomrc_core.identification.axes.rational import common_poles
 from fomrc_core.identification.axes.response import ResponseFit
 from fomrc_core.identification.axes.starts import empty_parameters, with_mode, with_shapes, without_mode
-from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw
+from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 
@@ -36,7 +36,8 @@ _MODE_GAIN, _JOINT_GAIN = 0.02, 0.01  # of the held-out cost, below which one mo
 _JOINT_STARTS = 3
 _N_COARSE_LINES = 1200
 # Shares of the lowest level at which plays stand: one for what acts like a relay, one for large loops.
-PLAY_SHARES = (0.03, 0.3)
+PLAY_SHARES = (0.03, 1.0)
+_RELAY_SHARE = 0.6  # of the lowest level, by which a voltage changes in a step where the relay of the rate bends
 
 
 @dataclass(frozen=True)
@@ -126,12 +127,16 @@ def identify_axes(
     tell(0.0, "poles")
     par = _modes(middle, reference, options, tell)
     has_levels = bool(levels.max() / levels.min() - 1.0 > _SAME_LEVEL)
-    thresholds = np.array(PLAY_SHARES) * levels.min() if options.has_hysteresis else np.zeros(0)
-    par = replace(par.in_one_gauge(), play_weights=np.full((thresholds.size, par.static.shape[1]), 0.02))
-    names = (*_BASE, *(_LEVEL if has_levels else ()), *(("play_weights",) if thresholds.size else ()))
+    drive = _DriveShape(np.zeros(0), 0.0)
+    if options.has_hysteresis:
+        drive = _DriveShape(np.array(PLAY_SHARES) * levels.min(), _RELAY_SHARE * float(levels.min()))
+    weights = np.full((drive.n_rows, par.static.shape[1]), 0.02)
+    weights[drive.thresholds.size :] = 0.0
+    par = replace(par.in_one_gauge(), play_weights=weights)
+    names = (*_BASE, *(_LEVEL if has_levels else ()), *(("play_weights",) if drive.n_rows else ()))
     if has_levels:
         par = replace(par, softening=np.full(par.n_modes, -0.005), exponent=np.array([0.7]))
-    coarse = _fit_of(tuple(record.thinned(_thinning(record)) for record in good), thresholds, reference)
+    coarse = _fit_of(tuple(record.thinned(_thinning(record)) for record in good), drive, reference)
     if has_levels:
         par, _ = coarse.fitted(par, par.mask(*_BASE, "softening"), n_steps=6, still=1e-3)
     tell(0.4, "level and hysteresis")
@@ -139,12 +144,12 @@ def identify_axes(
     if has_levels:
         names = (*names, "softening_squared")
         par, _ = coarse.fitted(par, par.mask(*names), n_steps=10, still=1e-3)
-    fit = _fit_of(good, thresholds, reference)
+    fit = _fit_of(good, drive, reference)
     tell(0.5, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
-    par, names = _joints(good, thresholds, reference, (par, names), options, tell)
+    par, names = _joints(good, drive, reference, (par, names), options, tell)
     tell(0.8, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %, leaving out what matters least")
-    par, free, problem = pruned(fit, par, par.mask(*names), options.n_parameters_max - thresholds.size, tell)
-    model = model_of(par, thresholds, reference if has_levels else None)
+    par, free, problem = pruned(fit, par, par.mask(*names), options.n_parameters_max - drive.n_constants, tell)
+    model = model_of(par, drive, reference if has_levels else None, 1.0 / good[0].rate_hz)
     places = par.places()
     variance = _variances(problem.matrix, free, problem.cost / max(_n_values(good) - int(free.sum()), 1))
     scale = np.sqrt(variance[places["log_frequency"]]), np.sqrt(variance[places["log_damping"]])
@@ -152,7 +157,7 @@ def identify_axes(
     return AxesIdentification(
         model,
         par,
-        int(free.sum()) + thresholds.size,
+        int(free.sum()) + drive.n_constants,
         tuple(record.name for record in broken),
         errors,
         tuple(record.name for record in good),
@@ -161,21 +166,51 @@ def identify_axes(
     )
 
 
-def model_of(par: AxesParameters, thresholds: Array, reference_v: float | None) -> AxesModel:
+@dataclass(frozen=True, eq=False)
+class _DriveShape:
+    """What stands between voltage and modes, but for its weights: thresholds of plays [V], step [V] of the relay."""
+
+    thresholds: Array
+    relay_v: float
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of weights: one for each play, two for the relay."""
+        return self.thresholds.size + (2 if self.relay_v > 0.0 else 0)
+
+    @property
+    def n_constants(self) -> int:
+        """Numbers beside the weights."""
+        return self.thresholds.size + (1 if self.relay_v > 0.0 else 0)
+
+    def spectra(self, record: PeriodicRecord) -> NDArray[np.complex128]:
+        """Return spectra of what the weights weigh, (n_rows, I, K)."""
+        voltage = record.voltage_v
+        found = record.spectrum_of(settled_plays(voltage, self.thresholds))
+        if self.relay_v <= 0.0:
+            return found
+        bent = record.spectrum_of(np.arctan((voltage - np.roll(voltage, 1, axis=1)) / self.relay_v))
+        late = bent * np.exp(-2j * np.pi * record.frequency_hz / record.rate_hz)
+        return np.concatenate([found, bent[None], late[None]])
+
+
+def model_of(par: AxesParameters, drive: _DriveShape, reference_v: float | None, step_s: float) -> AxesModel:
     """Return the model of fitted parameters.
 
     Args:
         par: the parameters.
-        thresholds: of the plays [V], (P,).
+        drive: what the rows of play weights belong to.
         reference_v: level at which the modes are as they are; None where they do not change.
+        step_s: of the records [s].
     """
-    axes = []
+    axes, n_plays = [], drive.thresholds.size
     for i in range(par.static.shape[1]):
-        weights = par.play_weights[:, i]
-        if np.any(weights <= 0.0):
-            raise ParameterError("weight of a play is not positive", where=f"axis {i + 1}", value=weights.tolist())
-        kappa, saturation = elements_from_play_form(OperatorSum(1.0, thresholds, weights))
+        weights = par.play_weights[:n_plays, i]
+        kappa, saturation = elements_from_play_form(OperatorSum(1.0, drive.thresholds, weights))
         axes.append(PiezoModel(kappa, saturation, 0.0))
+    relay = None
+    if drive.relay_v > 0.0:
+        relay = RateRelay(drive.relay_v / step_s, par.play_weights[n_plays], par.play_weights[n_plays + 1])
     modes = AxesModes(
         np.exp(par.log_frequency) / (2.0 * np.pi),
         np.exp(par.log_damping),
@@ -189,7 +224,7 @@ def model_of(par: AxesParameters, thresholds: Array, reference_v: float | None) 
     level = None if reference_v is None else LevelLaw(reference_v, float(par.exponent[0]))
     joints = par.joint if par.joint.size else None
     change = float(par.static_change[0])
-    return AxesModel(tuple(axes), modes, par.static, float(par.delay_s[0]), level, change, joints)
+    return AxesModel(tuple(axes), modes, par.static, float(par.delay_s[0]), level, change, joints, relay)
 
 
 def _check(records: tuple[PeriodicRecord, ...]) -> None:
@@ -223,7 +258,7 @@ def _modes(
     hz, damping = common_poles(coarse, options.n_poles, 0.85 * step_s)
     shape = (first.displacement.shape[0], first.voltage.shape[0])
     learnt, held = (coarse[:-1], coarse[-1:]) if len(coarse) > 2 else (coarse, coarse)
-    fit, judge = (_fit_of(part, np.zeros(0), reference_v) for part in (learnt, held))
+    fit, judge = (_fit_of(part, _LINEAR, reference_v) for part in (learnt, held))
     trials = []
     for share in (0.01, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95):
         trial = with_shapes(fit, empty_parameters(hz, damping, shape, share * step_s))
@@ -245,7 +280,7 @@ def _modes(
         if options.n_modes is None and cost > (1.0 - _MODE_GAIN) * best:
             break
         par, best = more, min(best, cost)
-    return _fit_of(coarse, np.zeros(0), reference_v).fitted(par, par.mask(*_BASE), n_steps=6, still=1e-3)[0]
+    return _fit_of(coarse, _LINEAR, reference_v).fitted(par, par.mask(*_BASE), n_steps=6, still=1e-3)[0]
 
 
 def _imaginary_share(par: AxesParameters) -> float:
@@ -301,7 +336,7 @@ def _one_more(fit: AxesFit, par: AxesParameters, top_hz: float) -> AxesParameter
 
 def _joints(
     good: tuple[PeriodicRecord, ...],
-    thresholds: Array,
+    drive: _DriveShape,
     reference_v: float,
     start: tuple[AxesParameters, tuple[str, ...]],
     options: AxesOptions,
@@ -313,8 +348,8 @@ def _joints(
     top = tuple(record for record in good if record.level_v > (1.0 - _SAME_LEVEL) * strongest)
     if len(top) < 3 or options.n_joints == 0:
         return par, names
-    learnt, judge = _fit_of(top[:2], thresholds, reference_v), _fit_of(top[-1:], thresholds, reference_v)
-    fit = _fit_of(good, thresholds, reference_v)
+    learnt, judge = _fit_of(top[:2], drive, reference_v), _fit_of(top[-1:], drive, reference_v)
+    fit = _fit_of(good, drive, reference_v)
     generator = np.random.default_rng(options.seed)
     soft = np.sqrt(np.abs(par.softening) / max(np.abs(par.softening).max(), 1e-12))
     linear, _ = learnt.fitted(par, par.mask(*_BASE), n_steps=3, still=1e-3)
@@ -332,20 +367,23 @@ def _joints(
             break
         linear = best
         par = replace(par, joint=best.joint)
-        par, _ = fit.fitted(par, par.mask(*names, "joint"), n_steps=5, still=2e-3)
+        par, _ = fit.fitted(par, par.mask(*names, "joint"), n_steps=9, still=2e-3)
         tell(0.55 + 0.1 * k, f"{k + 1} joints, error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     return par, (*names, "joint") if par.joint.size else names
 
 
 def _unit_strain(fit: AxesFit, par: AxesParameters) -> float:
     """Return the size of a joint's shape that takes a thousandth of the modes' own stiffness."""
-    drive = fit.response.drive(par, 0)
-    return float((0.0016 / np.sqrt(np.mean(np.sum(np.abs(drive) ** 2, axis=1)))) ** (1.0 / 3.0))
+    spectrum = fit.response.drive(par, 0)
+    return float((0.0016 / np.sqrt(np.mean(np.sum(np.abs(spectrum) ** 2, axis=1)))) ** (1.0 / 3.0))
 
 
-def _fit_of(records: tuple[PeriodicRecord, ...], thresholds: Array, reference_v: float) -> AxesFit:
-    plays = [record.spectrum_of(settled_plays(record.voltage_v, thresholds)) for record in records]
-    return AxesFit(ResponseFit(records, plays, reference_v))
+_LINEAR = _DriveShape(np.zeros(0), 0.0)
+
+
+def _fit_of(records: tuple[PeriodicRecord, ...], drive: _DriveShape, reference_v: float) -> AxesFit:
+    spectra = [drive.spectra(record) for record in records]
+    return AxesFit(ResponseFit(records, spectra, reference_v, drive.thresholds.size))
 
 
 @compiled

@@ -25,7 +25,8 @@ class AxesParameters:
         static_change: its relative change with the level, (1,).
         exponent: of the level law, (1,).
         delay_s: (1,).
-        play_weights: weights of the plays on each input, (P, I); the slope beside them is 1.
+        play_weights: weights of the plays on each input, (P, I); the slope beside them is 1. The last two rows are of
+            the relay of the rate, now and a step later, where there is one.
         joint: shapes of the joints, (J, M).
     """
 

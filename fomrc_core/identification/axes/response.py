@@ -83,12 +83,20 @@ class ResponseFit:
 
     Args:
         records: what to answer; the same lines in each.
-        play_spectra: of each record the plays of its inputs, (P, I, K).
+        play_spectra: of each record the plays of its inputs, and what else is linear in weights, (P, I, K).
         reference_v: level at which the modes are as they are.
+        n_plays: how many of them are plays, whose weights are positive; the rest is of either sign.
     """
 
-    def __init__(self, records: tuple[PeriodicRecord, ...], play_spectra: list[ComplexArray], reference_v: float):
+    def __init__(
+        self,
+        records: tuple[PeriodicRecord, ...],
+        play_spectra: list[ComplexArray],
+        reference_v: float,
+        n_plays: int | None = None,
+    ):
         self.records, self.play_spectra, self.reference_v = records, play_spectra, reference_v
+        self.n_plays = len(play_spectra[0]) if n_plays is None else n_plays
         first = records[0]
         self.step_s = 1.0 / first.rate_hz
         self.z1 = np.exp(-1j * 2.0 * np.pi * first.frequency_hz * self.step_s)

@@ -5,6 +5,6 @@
 
 from fomrc_core.model.axes.axes_model import AxesModel, AxesState
 from fomrc_core.model.axes.compensator import AxesCompensator
-from fomrc_core.model.axes.modes import AxesModes, LevelLaw
+from fomrc_core.model.axes.modes import AxesModes, LevelLaw, RateRelay
 
-__all__ = ["AxesCompensator", "AxesModel", "AxesModes", "AxesState", "LevelLaw"]
+__all__ = ["AxesCompensator", "AxesModel", "AxesModes", "AxesState", "LevelLaw", "RateRelay"]

@@ -24,7 +24,7 @@ from fomrc_core.model.axes.kernels import (
     run_modes,
     set_level,
 )
-from fomrc_core.model.axes.modes import AxesModes, LevelLaw
+from fomrc_core.model.axes.modes import AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.state import ModelState
 
@@ -39,19 +39,23 @@ class AxesState:
     Attributes:
         axes: state of each input's hysteresis and creep.
         arrays: of the modes, by name (kernels.py): pole states, queue of the delay, level.
+        relay: last voltage [V] and last bent rate of each input, (2, n_inputs).
     """
 
     axes: tuple[ModelState, ...]
     arrays: dict[str, NDArray[Any]]
+    relay: Array
 
     def copy(self) -> AxesState:
         """Return an independent copy."""
-        return AxesState(tuple(axis.copy() for axis in self.axes), {k: v.copy() for k, v in self.arrays.items()})
+        arrays = {name: array.copy() for name, array in self.arrays.items()}
+        return AxesState(tuple(axis.copy() for axis in self.axes), arrays, self.relay.copy())
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the state as plain numbers and lists; complex numbers as pairs."""
         arrays = {k: _plain(v) for k, v in self.arrays.items()}
-        return {"axes": [axis.to_mapping() for axis in self.axes], "arrays": arrays}
+        axes = [axis.to_mapping() for axis in self.axes]
+        return {"axes": axes, "arrays": arrays, "relay": self.relay.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,8 @@ class AxesModel:
             shapes' sum over the modes' motion, and its force acts on the modes by the same shapes; to first order,
             so that what stands still without joints stands still with them.
 
+        rate_relay: what the drives' amplifiers add with the sign of the rate; none if left out.
+
     Raises:
         ParameterError: naming the field, its value and what is allowed.
     """
@@ -81,6 +87,7 @@ class AxesModel:
     level: LevelLaw | None = None
     coupling_change: float = 0.0
     joints: Array | None = None
+    rate_relay: RateRelay | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", tuple(self.axes))
@@ -95,6 +102,13 @@ class AxesModel:
                 value=self.modes.input_shape.shape[1],
                 allowed=f"{self.n_inputs} columns",
             )
+        if self.rate_relay is not None:
+            sizes = self.rate_relay.prompt_um.size, self.rate_relay.late_um.size
+            if sizes != (self.n_inputs, self.n_inputs):
+                where = "model.axes.rate_relay"
+                raise ParameterError(
+                    "relay does not fit the axes", where=where, value=sizes, allowed=str(self.n_inputs)
+                )
         for name, shape in (("coupling", (None, self.n_inputs)), ("joints", (None, self._n_modes))):
             value = getattr(self, name)
             if value is None:
@@ -197,7 +211,7 @@ class AxesModel:
             scalars[LEVEL_TOLD] = 1.0
         scalars[LEVEL_USED] = level
         set_level(level, law, base, arrays["poles"], arrays["gains"], arrays["lengths"])
-        return AxesState(tuple(axis.initial_state() for axis in self.axes), arrays)
+        return AxesState(tuple(axis.initial_state() for axis in self.axes), arrays, np.zeros((2, self.n_inputs)))
 
     def restored_state(self, mapping: Any) -> AxesState:
         """Return the state of ``AxesState.to_mapping``; raises ParameterError where it does not fit this model."""
@@ -208,6 +222,9 @@ class AxesModel:
                 own.effects = {k: np.array(v, dtype=np.float64) for k, v in kept["effects"].items()}
                 own.last_input, own.bend = float(kept["last_input"]), float(kept["bend"])
                 own.last_voltage_v = float(kept["last_voltage_v"])
+            state.relay[:] = kept_relay = np.array(mapping["relay"], dtype=np.float64)
+            if kept_relay.shape != state.relay.shape:
+                raise ValueError("number of inputs")
             for name, array in state.arrays.items():
                 values = np.array(mapping["arrays"][name], dtype=np.float64)
                 array[...] = values[..., 0] + 1j * values[..., 1] if np.iscomplexobj(array) else values
@@ -238,6 +255,11 @@ class AxesModel:
         moved = np.empty(drive.shape)
         for i, axis in enumerate(self.axes):
             moved[:, i] = axis.simulate(steps, drive[:, i], state.axes[i])
+        if self.rate_relay is not None:
+            bent = self.rate_relay.bent(steps, drive, state.relay[0])
+            late = np.concatenate([state.relay[1:], bent[:-1]])
+            moved += self.rate_relay.prompt_um * bent + self.rate_relay.late_um * late
+            state.relay[0], state.relay[1] = drive[-1], bent[-1]
         if self._is_plain:
             return moved
         out = np.empty((steps.size, self.n_outputs))

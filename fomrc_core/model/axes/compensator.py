@@ -3,7 +3,7 @@
     displacement = S(axis models of the voltages)   ->   voltages = axis inverses of S^-1 displacement
 
 Modes are taken at rest, as a stage that is moved slowly has them; what they do on the way is for a feedback, or for
-commands without what rings. Joints and the level's law are left out: both vanish for a stage at rest.
+commands without what rings. Joints, the relay of the rate and the level law are left out: at rest they vanish.
 """
 
 from __future__ import annotations

@@ -124,6 +124,40 @@ class LevelLaw:
         return float(max(level_v / self.reference_v, LEAST_LEVEL) ** self.exponent - 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class RateRelay:
+    """What a drive's amplifier loses or adds as the drive turns: a smooth relay of its rate, now and a step later.
+
+    The drive gains prompt * a_n + late * a_(n-1), a_n = arctan(rate_n / scale), rate_n the voltage's mean rate
+    over the step that ends with sample n. Prompt and late of opposite sign act at the turns alone.
+
+    Args:
+        scale_v_per_s: rate at which it bends [V/s].
+        prompt_um: of each input [um], shape (n_inputs,).
+        late_um: the same a step later.
+    """
+
+    scale_v_per_s: float
+    prompt_um: Array
+    late_um: Array
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.scale_v_per_s) and self.scale_v_per_s > 0.0):
+            where = "model.axes.rate_relay.scale_v_per_s"
+            raise ParameterError("not a positive number", where=where, value=self.scale_v_per_s)
+        for name in ("prompt_um", "late_um"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.ndim != 1 or not np.all(np.isfinite(array)):
+                where = f"model.axes.rate_relay.{name}"
+                raise ParameterError("not a list of numbers", where=where, value=array.shape, allowed="(n_inputs,)")
+            object.__setattr__(self, name, _frozen(array))
+
+    def bent(self, steps_s: Array, voltage_v: Array, last_v: Array) -> Array:
+        """Return a of each sample and input, (n_samples, n_inputs), after ``last_v`` (n_inputs,)."""
+        before = np.concatenate([last_v[None], voltage_v[:-1]])
+        return np.asarray(np.arctan((voltage_v - before) / (steps_s[:, None] * self.scale_v_per_s)))
+
+
 def _frozen(array: Array) -> Array:
     array.flags.writeable = False
     return array

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fomrc_core.errors import ParameterError, StorageError
-from fomrc_core.model.axes import AxesCompensator, AxesModel, AxesModes, LevelLaw
+from fomrc_core.model.axes import AxesCompensator, AxesModel, AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage import read_axes_model, write_axes_model
 
@@ -40,7 +40,9 @@ def _modes(n_axes: int = 2) -> AxesModes:
 def _model(n_axes: int = 2, delay_s: float = 0.7 / RATE_HZ) -> AxesModel:
     joints = np.random.default_rng(9).normal(size=(2, n_axes + 1)) * 0.02
     axes = tuple(_axis(seed) for seed in range(n_axes))
-    return AxesModel(axes, _modes(n_axes), 0.1 * np.ones((n_axes, n_axes)), delay_s, LevelLaw(1.0, 0.8), 0.1, joints)
+    relay = RateRelay(300.0, np.full(n_axes, 0.02), np.full(n_axes, -0.03))
+    static, level = 0.1 * np.ones((n_axes, n_axes)), LevelLaw(1.0, 0.8)
+    return AxesModel(axes, _modes(n_axes), static, delay_s, level, 0.1, joints, relay)
 
 
 def _drive(n: int, n_axes: int, seed: int = 3) -> Array:
