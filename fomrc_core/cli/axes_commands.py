@@ -36,7 +36,7 @@ def identify_axes(
     from fomrc_core.identification.axes import identify_axes as identify
     from fomrc_core.storage import check_outputs, read_axes_recording, write_axes_model
 
-    check_outputs([output], recordings)
+    check_outputs({"--output": output}, recordings)
     options = AxesOptions(n_modes=_mode_count(modes), n_parameters_max=parameters)
     records, lines = [], None
     for path in recordings:

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+# Fields of any stage, with hysteresis or without, of one level or several.
+BASE = ("log_frequency", "log_damping", "output_re", "output_im", "input_re", "input_im", "static", "delay_s")
+
 
 @dataclass(frozen=True, eq=False)
 class AxesParameters:

@@ -7,6 +7,8 @@ Comp. Lett. 18 (2008) 383-385). The responses are not needed: the poles are fitt
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,9 +31,9 @@ def common_poles(records: tuple[PeriodicRecord, ...], n_poles: int, delay_s: flo
         delay_s: delay of all responses [s].
     """
     hz = records[0].frequency_hz
-    s = 2j * np.pi * hz
+    s: ComplexArray = np.asarray(2j * np.pi * hz, dtype=np.complex128)
     spacing = np.linspace(max(hz[0], 0.2 * hz[-1]), hz[-1], n_poles)
-    poles = 2.0 * np.pi * spacing * (1j - _START_DAMPING)
+    poles: ComplexArray = np.asarray(2.0 * np.pi * spacing * (1j - _START_DAMPING), dtype=np.complex128)
     inputs = [record.voltage * np.exp(-s * delay_s) for record in records]
     for _ in range(_N_ROUNDS):
         poles = _moved(poles, s, inputs, records)
@@ -55,7 +57,9 @@ def _moved(
     own = [np.concatenate([columns * u[:, None] for u in drive], axis=1) for drive in inputs]
     gram, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
     for o in range(records[0].displacement.shape[0]):
-        left = both = shared = 0.0
+        left: Any = 0.0
+        both: Any = 0.0
+        shared: Any = 0.0
         weight = 1.0 / np.sqrt(np.mean([record.rms_um[o] ** 2 for record in records]))
         for mine, record in zip(own, records, strict=True):
             y = record.displacement[o][:, None] * weight

@@ -146,6 +146,7 @@ class ResponseFit:
 
     def derivatives(self, par: AxesParameters, r: int) -> Iterator[tuple[int, ComplexArray, NDArray[np.int64]]]:
         """Yield for each output its number, derivatives (K, n) and the places of these n in the vector."""
+        # Long: one derivative after another, of one response.
         q, places = self.change(par, r), par.places()
         omega, damping, gain = self._at_level(par, q)
         w, b, c = self.drive(par, r), par.input_shape, par.output_shape

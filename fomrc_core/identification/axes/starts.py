@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ def with_mode(fit: AxesFit, par: AxesParameters, frequency_hz: float, damping: f
         input_re=np.vstack([par.input_re, b.real]),
         input_im=np.vstack([par.input_im, b.imag]),
         joint=np.pad(par.joint, ((0, 0), (0, 1))),
-        **levels,  # type: ignore[arg-type]
+        **levels,
     )
 
 
@@ -99,7 +100,8 @@ def _residues(
     else:
         near = np.abs(hz - min(near_hz, hz[-1])) < max(_NEAR_HZ, 0.03 * near_hz)
     basis = np.concatenate(columns, axis=1)[near]
-    gram = right = 0.0
+    gram: Any = 0.0
+    right: Any = 0.0
     for r, record in enumerate(response.records):
         left = record.displacement if near_hz is None else record.displacement - response.spectrum(par, r)
         a = np.concatenate([basis * u[near][:, None] for u in record.voltage], axis=1)

@@ -263,7 +263,8 @@ class AxesModel:
         if self._is_plain:
             return moved
         out = np.empty((steps.size, self.n_outputs))
-        if not run_modes(steps, drive, moved, *self._constants, *state.arrays.values(), out):
+        arrays: tuple[Any, ...] = (steps, drive, moved, *self._constants, *state.arrays.values(), out)
+        if not run_modes(*arrays):
             raise ParameterError(
                 "delay of too many steps", where="model.axes.delay_s", value=self.delay_s, allowed=f"{N_PIECES - 1}"
             )

@@ -60,7 +60,9 @@ class AxesCompensator:
             )
         states = self.initial_state() if state is None else state
         # sums in a fixed order: one sample alone gives what it gives among many
-        own = sum(desired[:, k : k + 1] * self._decoupling[:, k] for k in range(desired.shape[1]))
+        own = np.zeros_like(desired)
+        for k in range(desired.shape[1]):
+            own += desired[:, k : k + 1] * self._decoupling[:, k]
         columns = [axis.run(steps_s, own[:, i], states[i]) for i, axis in enumerate(self._axes)]
         return np.stack(columns, axis=1)
 

@@ -52,7 +52,7 @@ def _slot(
     for k in range(N_SLOTS):
         if abs(lengths[k] - length) <= SAME * length:
             return k
-    k = places[NEXT_SLOT]
+    k = int(places[NEXT_SLOT])
     places[NEXT_SLOT] = (k + 1) % N_SLOTS
     lengths[k] = length
     for m in range(poles.size):

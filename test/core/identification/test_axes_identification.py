@@ -16,7 +16,7 @@ from fomrc_core.identification.axes import (
     identify_axes,
     periodic_record,
 )
-from fomrc_core.identification.axes.identify import PLAY_SHARES, _DriveShape
+from fomrc_core.identification.axes.drive_shape import PLAY_SHARES, DriveShape
 from fomrc_core.identification.axes.response import ResponseFit
 from fomrc_core.identification.axes.starts import empty_parameters
 from test.hidden.axes_truth import NOISE, RATE_HZ, record, stage
@@ -45,7 +45,7 @@ def test_two_axes_of_another_form_are_found(seed: int) -> None:
 
 def test_derivatives_are_those_of_differences() -> None:
     records = _records(1)
-    drive = _DriveShape(np.array(PLAY_SHARES), 0.5)
+    drive = DriveShape(np.array(PLAY_SHARES), 0.5)
     response = ResponseFit(records, [drive.spectra(r) for r in records], 0.7)
     start = empty_parameters(np.array([310.0, 705.0]), np.array([0.01, 0.02]), (2, 2), 1e-4, n_plays=drive.n_rows)
     start = replace(start, joint=np.zeros((2, 2)))
