@@ -246,8 +246,12 @@ def _joints(
         if cost > (1.0 - _JOINT_GAIN) * judge.cost(linear):
             break
         linear = best
-        par = replace(par, joint=best.joint)
-        par, _ = fit.fitted(par, par.mask(*names, "joint"), n_steps=9, still=2e-3)
+        more = replace(par, joint=best.joint)
+        more, _ = fit.fitted(more, more.mask(*BASE), n_steps=3, still=1e-3)
+        more, _ = fit.fitted(more, more.mask(*names, "joint"), n_steps=8, still=1e-3)
+        if fit.cost(more) > (1.0 - _JOINT_GAIN) * fit.cost(par):
+            break  # what helps the strongest level alone does not help them all
+        par = more
         tell(0.55 + 0.1 * k, f"{k + 1} joints, error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     return par, (*names, "joint") if par.joint.size else names
 
