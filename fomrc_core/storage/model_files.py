@@ -46,7 +46,7 @@ def read_fit_error(path: str | os.PathLike[str]) -> float:
         ParameterError: it is no number, or less than 0.
     """
     where = os.fspath(path)
-    value = _model_block(load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where), where).get(FIT_ERROR, 0.0)
+    value = model_block(load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where), where).get(FIT_ERROR, 0.0)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < float("inf"):
         raise ParameterError("not an error", where=f"{where}, model.{FIT_ERROR}", value=value, allowed=">= 0, in um")
     return float(value)
