@@ -41,5 +41,5 @@ def mirror_figure(rate_hz: float, spectra: dict[int, tuple[Array, Array, Array]]
                 axes.set_xlabel("frequency [Hz]")
     low = max(grid[0, 0].get_ylim()[0], 1e-6)
     grid[0, 0].set_ylim(bottom=low)
-    grid[0, 0].legend(loc="lower left", fontsize=7)
+    grid[0, 0].legend(loc="upper right", fontsize=7)
     return figure
