@@ -222,7 +222,8 @@ def run_benchmark(
             for score in (score_steady, score_causal)
         )
         spectra[one.level_mv] = _amplitudes(found.model, *pairs[0])
-        scores.append(MirrorScore(one.level_mv, told, causal, bool(tests), one in learnt))
+        is_learnt = one.level_mv in [other.level_mv for other in learnt]
+        scores.append(MirrorScore(one.level_mv, told, causal, bool(tests), is_learnt))
     drive = np.ascontiguousarray(sets[0].voltage_v[:, :, 0, 0])
     return MirrorBenchmark(found, tuple(scores), training_s, _us_per_sample(found.model, drive), spectra)
 
