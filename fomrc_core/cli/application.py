@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from fomrc_core.cli.axes_commands import benchmark, identify_axes
 from fomrc_core.cli.data_commands import doctor, import_file
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
@@ -52,12 +53,14 @@ application.command()(compensate)
 application.command()(export)
 application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
+application.command("identify-axes")(identify_axes)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
 application.command()(watch)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)
+application.command()(benchmark)
 application.command()(data)
 application.command("import")(import_file)
 application.command()(doctor)

@@ -3,4 +3,4 @@
 The others live in ``baselines``.
 """
 
-__all__ = ["comparison", "result"]
+__all__ = ["comparison", "mirror_benchmark", "mirror_figure", "result"]

@@ -4,6 +4,7 @@
 """
 
 __all__ = [
+    "axes",
     "convex",
     "element_count",
     "fleet",

@@ -5,6 +5,7 @@
 
 __all__ = [
     "actuator_array",
+    "axes",
     "causes",
     "compensator",
     "influence_matrix",

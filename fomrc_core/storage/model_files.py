@@ -29,7 +29,7 @@ def read_model(path: str | os.PathLike[str]) -> PiezoModel:
     """
     where = os.fspath(path)
     content = load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where)
-    block = _model_block(content, where)
+    block = model_block(content, where)
     try:
         return PiezoModel.from_mapping({key: value for key, value in block.items() if key != FIT_ERROR}, "model")
     except ParameterError as error:
@@ -46,7 +46,7 @@ def read_fit_error(path: str | os.PathLike[str]) -> float:
         ParameterError: it is no number, or less than 0.
     """
     where = os.fspath(path)
-    value = _model_block(load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where), where).get(FIT_ERROR, 0.0)
+    value = model_block(load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where), where).get(FIT_ERROR, 0.0)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < float("inf"):
         raise ParameterError("not an error", where=f"{where}, model.{FIT_ERROR}", value=value, allowed=">= 0, in um")
     return float(value)
@@ -77,7 +77,8 @@ def model_to_parameters(model: PiezoModel) -> dict[str, Any]:
     return {"/**": {"ros__parameters": {"model": block}}}
 
 
-def _model_block(content: Any, where: str) -> dict[str, Any]:
+def model_block(content: Any, where: str) -> dict[str, Any]:
+    """Return the ``model`` block of a parameter file's content; StorageError where there is none, or several."""
     if content is None:
         raise StorageError("empty file", where=where, allowed=_NESTING)
     if not isinstance(content, dict):

@@ -1,0 +1,89 @@
+"""Poles common to several frequency responses: vector fitting, the start of a fit of modes.
+
+Gustavsen and Semlyen, Rational approximation of frequency domain responses by vector fitting, IEEE Trans. Power
+Delivery 14 (1999) 1052-1061; each output's own unknowns eliminated first (Deschrijver et al., IEEE Microwave Wireless
+Comp. Lett. 18 (2008) 383-385). The responses are not needed: the poles are fitted to the records themselves.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fomrc_core.identification.axes.periodic import PeriodicRecord
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_N_ROUNDS = 12
+_START_DAMPING = 0.01
+_LEAST_DAMPING, _MOST_DAMPING = 0.002, 0.3  # beyond these a pole follows noise, or a slope, and no mode
+
+
+def common_poles(records: tuple[PeriodicRecord, ...], n_poles: int, delay_s: float) -> tuple[Array, Array]:
+    """Return frequencies [Hz] and damping of the modes found with so many pairs of poles, ascending.
+
+    Args:
+        records: of one level.
+        n_poles: pairs of poles to place; those that follow no mode are left out of the answer.
+        delay_s: delay of all responses [s].
+    """
+    hz = records[0].frequency_hz
+    s: ComplexArray = np.asarray(2j * np.pi * hz, dtype=np.complex128)
+    spacing = np.linspace(max(hz[0], 0.2 * hz[-1]), hz[-1], n_poles)
+    poles: ComplexArray = np.asarray(2.0 * np.pi * spacing * (1j - _START_DAMPING), dtype=np.complex128)
+    inputs = [record.voltage * np.exp(-s * delay_s) for record in records]
+    for _ in range(_N_ROUNDS):
+        poles = _moved(poles, s, inputs, records)
+    omega, damping = np.abs(poles), -poles.real / np.abs(poles)
+    kept = (damping > _LEAST_DAMPING) & (damping < _MOST_DAMPING) & (omega < 1.05 * abs(s[-1]))
+    order = np.argsort(omega[kept])
+    return omega[kept][order] / (2.0 * np.pi), damping[kept][order]
+
+
+def _basis(poles: ComplexArray, s: ComplexArray) -> ComplexArray:
+    plus, minus = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
+    return np.concatenate([plus + minus, 1j * (plus - minus)], axis=1)
+
+
+def _moved(
+    poles: ComplexArray, s: ComplexArray, inputs: list[ComplexArray], records: tuple[PeriodicRecord, ...]
+) -> ComplexArray:
+    n, scale = poles.size, np.tile(np.abs(poles), 2)
+    basis = _basis(poles, s) * scale
+    columns = np.concatenate([basis, np.ones((s.size, 1)), (s / abs(s[-1]))[:, None]], axis=1)
+    own = [np.concatenate([columns * u[:, None] for u in drive], axis=1) for drive in inputs]
+    gram, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
+    for o in range(records[0].displacement.shape[0]):
+        left: Any = 0.0
+        both: Any = 0.0
+        shared: Any = 0.0
+        weight = 1.0 / np.sqrt(np.mean([record.rms_um[o] ** 2 for record in records]))
+        for mine, record in zip(own, records, strict=True):
+            y = record.displacement[o][:, None] * weight
+            a, b = _real(mine * weight), _real(np.concatenate([-basis * y, y], axis=1))
+            left, both, shared = left + a.T @ a, both + a.T @ b, shared + b.T @ b
+        left = left + 1e-12 * np.diag(np.diag(left))
+        reduced = shared - both.T @ np.linalg.solve(left, both)
+        gram += reduced[:-1, :-1]
+        right += reduced[:-1, -1]
+    c = np.linalg.solve(gram, right) * scale
+    matrix, column, row = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), np.zeros(2 * n)
+    for m, p in enumerate(poles):
+        k = slice(2 * m, 2 * m + 2)
+        matrix[k, k] = [[p.real, p.imag], [-p.imag, p.real]]
+        column[2 * m] = 2.0
+        row[k] = c[m], c[n + m]
+    zeros = np.linalg.eigvals(matrix - np.outer(column, row))
+    zeros = np.where(zeros.real > 0.0, -zeros.conj(), zeros)
+    upper = zeros[zeros.imag > 1.0]
+    if upper.size < n:  # pairs that became real start again
+        hz = np.linspace(0.25, 0.95, n - upper.size) * abs(s[-1])
+        upper = np.concatenate([upper, hz * (1j - _START_DAMPING)])
+    return np.asarray(upper[np.argsort(upper.imag)][:n])
+
+
+def _real(columns: ComplexArray) -> Array:
+    return np.concatenate([columns.real, columns.imag])
