@@ -17,6 +17,7 @@ from fomrc_core.records.spectral_lines import without_lines
 # pairs of lags 1-2 and 3-4 within half of the values
 _N_CORRELATED_MIN = 10
 _MOST_UNSEEN = 0.2  # of the variance: it raises an rms by 10 %, half of what a noise known from repeats is allowed
+_ALIKE = 2.0  # standard errors within which two estimates of one noise are one
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
@@ -28,16 +29,21 @@ class NoiseFloor:
         differences_um: from fourth differences while the drive rests or moves evenly.
         repeats_um: from repeated stretches of the drive; nan where there are none.
         unseen_share: share of the variance that may be slower than what the repeats show [1].
+        repeats_error: relative standard error of the repeats [1].
     """
 
     differences_um: float
     repeats_um: float
     unseen_share: float = 0.0
+    repeats_error: float = 0.0
 
     @property
     def floor_um(self) -> float:
-        """The repeats where there are any, for they see slower noise too; else the differences."""
-        return self.repeats_um if np.isfinite(self.repeats_um) else self.differences_um
+        """The repeats, for they see slower noise too; the differences where there are none, or few that agree."""
+        if not np.isfinite(self.repeats_um):
+            return self.differences_um
+        is_alike = abs(self.repeats_um - self.differences_um) < _ALIKE * self.repeats_error * self.differences_um
+        return self.differences_um if is_alike and not self.sees_slow_noise else self.repeats_um
 
     @property
     def sees_slow_noise(self) -> bool:
@@ -52,11 +58,11 @@ def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     """Return the noise floor of the recordings [um]."""
     differences = [_difference_noise(r.voltage_v, r.measured_um) for r in recordings]
     repeats = [_repeat_noise(r) for r in recordings]
-    seen = [rms_um for rms_um, _ in repeats if np.isfinite(rms_um)]
-    if not seen:
+    seen = np.array([told for told in repeats if np.isfinite(told[0])])
+    if not seen.size:
         return NoiseFloor(float(np.median(differences)), float("nan"))
-    unseen = [share for rms_um, share in repeats if np.isfinite(rms_um)]
-    return NoiseFloor(float(np.median(differences)), float(np.median(seen)), float(np.median(unseen)))
+    rms_um, unseen, error = np.median(seen, axis=0)
+    return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error))
 
 
 def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
@@ -73,14 +79,15 @@ def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
     return float(np.median(np.abs(rough[even])) / 0.6745 / np.sqrt(np.sum(_DIFFERENCE**2)))
 
 
-def _repeat_noise(recording: Recording) -> tuple[float, float]:
-    """Return the rms [um] of the noise that repeats show, nan without any, and the share they may leave unseen [1]."""
+def _repeat_noise(recording: Recording) -> tuple[float, float, float]:
+    """Return the rms of the noise that repeats show [um] (nan without any), the share unseen, its relative error."""
     stretches = stretches_of_repeats(recording, find_repeats(recording.voltage_v))
     cleaned = [replace(s, values_um=without_lines(s.values_um)[0]) for s in stretches]
     if not any(np.any(s.values_um) for s in cleaned):
-        return (0.0 if cleaned else float("nan")), 0.0
+        return (0.0 if cleaned else float("nan")), 0.0, 0.0
     spectrum = spectrum_of(cleaned, recording.n_samples)
-    return float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen))), spectrum.unseen_share()
+    rms_um = float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen)))
+    return rms_um, spectrum.unseen_share(), 1.0 / np.sqrt(2.0 * max(spectrum.degrees_of_freedom, 1.0))
 
 
 def autocorrelation_inflation(values: Array) -> float:
