@@ -103,8 +103,7 @@ def judge(
     undriven_um = after_um * math.sqrt(1.0 - share)
     noise_um = floor_um if sees_slow_noise else max(floor_um, undriven_um)
     reasons = []
-    # weights learned from noise err as a function of the drive, too
-    if share > max(_NEGLIGIBLE_SHARE, excess / (1.0 + excess)):
+    if share > _NEGLIGIBLE_SHARE:
         worst = max(sure, key=lambda d: d.share)
         reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
     expected_um = floor_um * math.sqrt(1.0 + excess)
