@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from test.hidden.all_cases import some_of
 from test.hidden.second.bench import draw_bench
 from test.hidden.second.data_faults import FAULT_KINDS
 from test.hidden.second.hidden_causes import BELONG_TO_ONE_RECORD, DRAWS, KNOWN_CAUSES, MISSING, NEW_CAUSES
@@ -44,7 +45,7 @@ def test_the_second_world_shares_no_code(path: Path) -> None:
         assert own or root in sys.stdlib_module_names - {"test"} | {"numpy", "scipy"}, f"{path.name} imports {module}"
 
 
-@pytest.mark.parametrize("cause", [*KNOWN_CAUSES, *NEW_CAUSES])
+@pytest.mark.parametrize("cause", some_of((*KNOWN_CAUSES, *NEW_CAUSES), 4))
 def test_every_cause_is_hidden_visible_and_nothing_else(cause: str) -> None:
     case = draw(11_000, (cause,), n_samples=_SHORT)
     assert set(case.parameters) == set(case.visible_um) == {cause}
@@ -90,7 +91,7 @@ def test_a_seed_gives_one_case() -> None:
     assert other.parameters != first.parameters
 
 
-@pytest.mark.parametrize("form", [*REPRESENTABLE, *OTHER])
+@pytest.mark.parametrize("form", some_of((*REPRESENTABLE, *OTHER), 2))
 def test_form_error_says_whether_plays_can_be_it(form: str) -> None:
     errors = [draw(seed, form=form, noise="white", n_samples=_SHORT).form_error_um for seed in (11_010, 11_011)]
     strokes = [draw(seed, form=form, noise="white", n_samples=_SHORT).scale.stroke_um for seed in (11_010, 11_011)]
@@ -149,15 +150,18 @@ def test_drives_start_at_rest_within_the_range_and_differ() -> None:
 
 @pytest.mark.parametrize(
     "cause",
-    [
-        None,
-        "amplifier_slew_limit",
-        "unequal_lag",
-        "voltage_dependent_capacitance",
-        "rate_dependent_hysteresis",
-        "mechanical_resonance",
-        "clock_skew",
-    ],
+    some_of(
+        (
+            None,
+            "amplifier_slew_limit",
+            "unequal_lag",
+            "mechanical_resonance",
+            "voltage_dependent_capacitance",
+            "rate_dependent_hysteresis",
+            "clock_skew",
+        ),
+        3,
+    ),
 )
 def test_steps_of_the_physics_are_fine_enough(cause: str | None) -> None:
     causes = () if cause is None else (cause,)
