@@ -23,6 +23,8 @@ _LARGEST_DAMPING = 1e6
 _LEAST_DAMPING = 1e-7
 # After a refusal the damping rises from here on: below, the matrix is the same to three digits.
 _FELT_DAMPING = 1e-4
+# Of the least gain: a step that promises less, after one was refused, is rounding.
+_PROMISED = 1e-2
 _RAISED_BY, _LOWERED_BY = 8.0, 6.0
 # Of the largest power: a direction that changes the residual by a ten billionth of the strongest does not act.
 _IDLE = 1e-20
@@ -134,19 +136,23 @@ def _better(
 ) -> tuple[PointT | None, float]:
     """Return the first point with a lesser error that ever more damped steps lead to, and its damping.
 
-    A step that does not even promise the least gain is not tried: the point is as good as the minimum.
+    After a refusal a step that promises next to nothing is not tried: the point is as good as the minimum. The first is
+    tried in any case, for where the residual bends a step may gain more than it promises.
     """
+    is_refused = False
     while damping < _LARGEST_DAMPING:
-        step = damped_step(linearized.equations, damping)
-        step = np.clip(step, -linearized.longest_step, linearized.longest_step)
-        if linearized.promised(step) < least_gain:
+        whole = damped_step(linearized.equations, damping)
+        step = np.clip(whole, -linearized.longest_step, linearized.longest_step)
+        # a step that was cut short is no longer that of the normal equations
+        is_whole = bool(np.all(step == whole))
+        if is_refused and is_whole and linearized.promised(step) < _PROMISED * least_gain:
             break
         trial = linearized.stepped(step)
         if trial is not None and trial.squared_error < point.squared_error:
             return trial, damping
         if not step.size:  # nothing that damping could shorten
             break
-        damping = max(damping, _FELT_DAMPING) * _RAISED_BY
+        damping, is_refused = max(damping, _FELT_DAMPING) * _RAISED_BY, True
     return None, damping
 
 

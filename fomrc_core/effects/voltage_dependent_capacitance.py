@@ -15,10 +15,8 @@ from fomrc_core.effects.base.kernels import lag_weights
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
-# Change of the capacitance over a part of a step up to which its middle stands for it: the lag over the part is then
-# off by a part in some thousands, and less than a part in a hundred over any step.
-_BEND = 0.1
-_MOST_PARTS = 8
+_BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
+_MOST_PARTS = 64
 
 
 @compiled
