@@ -10,6 +10,8 @@ import pytest
 from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
+# Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
+_ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
 
 # A test run draws the same examples every time; "make study" draws new ones, with
 # --hypothesis-profile new_examples, and prints how to draw a failing one again.
@@ -33,7 +35,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Spread tests over the workers one by one, but give all ROS tests to one.
+    """Spread tests over the workers file by file, the longest one by one, but give all ROS tests to one.
 
     Nodes of tests that run at the same time would hear each other, and compete for time.
     """
@@ -41,7 +43,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class RosTogether(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return _ROS_TESTS if nodeid.startswith(_ROS_TESTS) else nodeid
+            if nodeid.startswith(_ROS_TESTS):
+                return _ROS_TESTS
+            return nodeid if nodeid.startswith(_ONE_BY_ONE) else nodeid.split("::")[0]
 
     # The scheduler would begin with the largest group, which is that of the ROS tests.
     config.option.loadscopereorder = False

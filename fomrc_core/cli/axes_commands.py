@@ -34,7 +34,8 @@ def identify_axes(
     """
     from fomrc_core.identification.axes import AxesOptions, periodic_record
     from fomrc_core.identification.axes import identify_axes as identify
-    from fomrc_core.storage import check_outputs, read_axes_recording, write_axes_model
+    from fomrc_core.storage import check_outputs
+    from fomrc_core.storage.axes_files import read_axes_recording, write_axes_model
 
     check_outputs({"--output": output}, recordings)
     options = AxesOptions(n_modes=_mode_count(modes), n_parameters_max=parameters)
@@ -69,7 +70,8 @@ def benchmark(
     from fomrc_core.comparison import mirror_benchmark
     from fomrc_core.comparison.mirror_figure import mirror_figure
     from fomrc_core.identification.axes import AxesOptions
-    from fomrc_core.storage import make_directory, write_axes_model, write_text
+    from fomrc_core.storage import make_directory, write_text
+    from fomrc_core.storage.axes_files import write_axes_model
 
     del which  # there is one as yet
     chosen = _levels(levels)

@@ -55,8 +55,9 @@ def import_file(
     """
     from fomrc_core.records.quality import examine
     from fomrc_core.report.recording_figure import recording_png
-    from fomrc_core.storage import check_outputs, understood_file, write_recording
+    from fomrc_core.storage import check_outputs, write_recording
     from fomrc_core.storage.atomic import write_bytes
+    from fomrc_core.storage.reading import understood_file
 
     check_outputs({"--output": output, **({"--plot": plot} if plot else {})}, [recording])
     reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)

@@ -17,7 +17,7 @@ from fomrc_core.errors import RecordingError
 
 if TYPE_CHECKING:
     from fomrc_core.records.recording import Recording
-    from fomrc_core.storage import ReadingOptions
+    from fomrc_core.storage.reading import ReadingOptions
 
 Progress = Callable[[float, str], None]
 
@@ -76,7 +76,7 @@ class Reading:
             RecordingError: what was read looks wrong.
         """
         from fomrc_core.records.plausibility import summary_line, suspicions
-        from fomrc_core.storage import read_as
+        from fomrc_core.storage.reading import read_as
 
         found = read_as(path, self.options())
         recording = found.recording
@@ -94,8 +94,8 @@ class Reading:
 
     def options(self) -> ReadingOptions:
         """Return the same as the reader takes it."""
-        from fomrc_core.storage import ReadingOptions
         from fomrc_core.storage.foreign import told_units
+        from fomrc_core.storage.reading import ReadingOptions
         from fomrc_core.storage.told_columns import column_numbers, named_once
 
         return ReadingOptions(

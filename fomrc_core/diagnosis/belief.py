@@ -2,7 +2,7 @@
 
 Three things speak for a name: by how much it is likelier than the next, how little of what the base missed is left,
 and how much of what is left still follows the drive. They are weighed by a logistic regression (Platt, 1999) whose
-weights come from hidden causes of development seeds of the second world (test/hidden/calibrate.py).
+weights come from hidden causes of development seeds of the second world (test/hidden/study_calibration.py).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from fomrc_core.diagnosis.findings import Finding
 from fomrc_core.diagnosis.judgement import Judgement
 
 _ENOUGH_MARGIN = 20.0  # a difference in log likelihood beyond which more says nothing
-# Of 63 names in 52 cases (python test/hidden/calibrate.py --seeds 1, known, new and removed causes).
+# Of 63 names in 52 cases (python test/hidden/study_calibration.py --seeds 1, known, new and removed causes).
 _INTERCEPT = -2.95
 _PER_LOG_MARGIN = 0.48
 _PER_UNEXPLAINED = -0.11

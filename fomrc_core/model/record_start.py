@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from fomrc_core.effects import Covariates
 from fomrc_core.model.excursions_before import Entry, ExcursionsBefore
@@ -153,6 +152,8 @@ def _in_motion(model: PiezoModel, recording: Recording, n_samples: int) -> Recor
 
     The starts of the fit are the drive's own extremes, and a quarter of the way in from them.
     """
+    from scipy.optimize import least_squares  # a model alone does not wait for it
+
     part = slice(n_samples)
     voltage_v, measured_um = recording.voltage_v, recording.measured_um
     valid = recording.valid_samples[part]

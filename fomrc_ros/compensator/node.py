@@ -72,7 +72,7 @@ class CompensatorNode(LifecycleNode):
         self._publisher = self.create_publisher(
             self._voltage.message_type,
             "voltage",
-            voltage_quality(self._period_s),
+            voltage_quality(self._period_s, values["voltage_promises"]),
             qos_overriding_options=overridable(),
         )
         for topic, callback in (("desired_position", self._on_target), ("cross_position", self._on_cross)):

@@ -48,6 +48,12 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
             choices=VOLTAGE_INTERFACES,
             is_read_only=True,
         ),
+        ParameterSpec(
+            "voltage_promises",
+            False,
+            "promise deadline and liveliness on voltage, so that a driver is told when they are broken",
+            is_read_only=True,
+        ),
         ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         *LIMIT_SPECS,
         ParameterSpec(

@@ -75,7 +75,8 @@ def test_the_drivers_skeleton_goes_to_the_safe_voltage_when_the_compensator_is_k
         command = [sys.executable, str(tmp_path / "driver.py")]
         driver = subprocess.Popen(command, stdout=output, stderr=output, preexec_fn=die_with_the_test)
     try:
-        compensator = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=100.0, stale_after_s=0.0)
+        given = {"rate_hz": 100.0, "stale_after_s": 0.0, "voltage_promises": True}
+        compensator = start("compensator", model_file(tmp_path / "model.yaml"), **given)
         publisher = probe.publisher("desired_position", Float64)
         probe.drive(publisher, lambda t: 1e-6, 0.5)
         probe.until(lambda: re.search(r"driving 0\.[3-9]", said.read_text()), "the driver driving")

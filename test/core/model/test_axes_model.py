@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fomrc_core.errors import ParameterError, StorageError
 from fomrc_core.model.axes import AxesCompensator, AxesModel, AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.storage import read_axes_model, write_axes_model
+from fomrc_core.storage.axes_files import read_axes_model, write_axes_model
 
 Array = NDArray[np.float64]
 RATE_HZ = 5000.0

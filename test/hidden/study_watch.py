@@ -1,7 +1,7 @@
 """How often the watch is wrong, and how soon it sees what: a day of normal work, and nine kinds of change.
 
-    python test/hidden/watch_study.py                      # 10 days, 9 kinds x 5 seeds at 10 x and 3 x the noise
-    python test/hidden/watch_study.py --days 2 --seeds 2
+    python test/hidden/study_watch.py                      # 10 days, 9 kinds x 5 seeds at 10 x and 3 x the noise
+    python test/hidden/study_watch.py --days 2 --seeds 2
 
 The stages are of test/hidden/watch: nothing of them is the product's. Each has 1 nm rms of noise over some 8 um; the
 model in force is what ``identify`` makes of a calibration record at 200 Hz, with the amplifier's and the mass's

@@ -1,6 +1,6 @@
 """Weights of the probability of a name, from hidden causes of the development seeds.
 
-    python test/hidden/calibrate.py [--seeds 1] [--output calibration.json]
+    python test/hidden/study_calibration.py [--seeds 1] [--output calibration.json]
 
 Every case is diagnosed, and a logistic regression (Platt, 1999; a ridge of one observation) of "the name is right" on
 the evidence of ``fomrc_core.diagnosis.belief`` is printed, with how often names of each probability were right in cases
