@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
@@ -19,6 +21,9 @@ _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.
 _NEARLY, _HARDLY = 0.7, 0.15
+# Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop, so
+# that less is no finding.
+_RICH_GAIN = 0.16
 _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
 _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the base
@@ -32,7 +37,12 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
         and candidate.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
         and candidate.score.p_value < _SIGNIFICANCE / n_causes
         and candidate.score.is_worthwhile()
+        and (candidate.score.log_gain >= _RICH_GAIN or not _has_plays(candidate))
     )
+
+
+def _has_plays(candidate: Candidate) -> bool:
+    return bool(np.any(candidate.fitted.model.columns.owned_by(candidate.cause)))
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
