@@ -21,8 +21,8 @@ _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.
 _NEARLY, _HARDLY = 0.7, 0.15
-# Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop, so
-# that less is no finding.
+# Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop,
+# so that less is no finding.
 _RICH_GAIN = 0.16
 _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
