@@ -38,7 +38,7 @@ bench: $(DEV_STAMP)
 
 study: $(DEV_STAMP)
 	@$(BIN)/python -m pytest test/core -m hypothesis --hypothesis-profile new_examples -n $(JOBS)
-	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden -n $(JOBS)
+	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden test/ros -n $(JOBS)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
 
 lint: $(DEV_STAMP)

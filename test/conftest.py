@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
+_MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
 _MEASURES = "test/ros/test_calibration.py"
 # Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
@@ -29,11 +30,25 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:
+    """Return what runs and what is left to ``make study``: of like ROS tests, each of which starts nodes, the ends."""
+    if os.environ.get("FOMRC_ALL_CASES"):
+        return items, []
+    alike: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        alike.setdefault(item.nodeid.split("[")[0], []).append(item)
+    left = [i for name, same in alike.items() if name.startswith(_ROS_TESTS) for i in same[1:-1]]
+    return [item for item in items if item not in left], left
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put the ROS tests last: several processes at 1 kHz want the processors to themselves.
 
     Last of all a calibration, which measures: by then no other worker has anything left to do.
     """
+    if len(items) > _MANY:
+        items[:], left = _of_many_alike(items)
+        config.hook.pytest_deselected(items=left)
     items.sort(key=lambda item: (item.nodeid.startswith(_ROS_TESTS), item.nodeid.startswith(_MEASURES)))
 
 
