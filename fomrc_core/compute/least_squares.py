@@ -33,14 +33,28 @@ class NormalEquations:
 
     Attributes:
         gram: sum of columns^T columns over the used samples of all records, shape (n_columns, n_columns).
-        moment: sum of columns^T target, shape (n_columns,).
+        moment: sum of columns^T target, shape (n_columns,), or (n_columns, n_targets) of several targets.
     """
 
     gram: Array
     moment: Array
 
+    def without(self, n_first: int) -> NormalEquations:
+        """Return the equations of the other weights, the first ones following them (Schur complement).
+
+        Args:
+            n_first: number of weights eliminated.
+        """
+        first, other = slice(None, n_first), slice(n_first, None)
+        reduced = whitening_of(self.gram[first, first]).T
+        shared, own = reduced @ self.gram[first, other], reduced @ self.moment[first]
+        return NormalEquations(
+            self.gram[other, other] - product(shared, shared, np.ones(shared.shape[0], dtype=np.bool_)),
+            self.moment[other] - product(shared, own, np.ones(shared.shape[0], dtype=np.bool_)),
+        )
+
     def solution(self) -> Array:
-        """Return the weights of either sign that fit best, shape (n_columns,); the shortest where several do."""
+        """Return the weights of either sign that fit best, shape of the moment; the shortest where several do."""
         whitening = whitening_of(self.gram)
         return np.asarray(whitening @ (whitening.T @ self.moment))
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on the periodic steady state: by Parseval that is least squares on the time signal."""
+"""Gauss-Newton on the periodic steady state: by Parseval that is least squares on the time signal."""
 
 from __future__ import annotations
 
@@ -8,24 +8,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.gauss_newton import Linearized, descend
+from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
 from fomrc_core.identification.axes.response import ResponseFit
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 Progress = Callable[[float, str], None]
 
 _LEAST_DAMPING = 5e-4  # a mode that rings longer than 2000 periods is the fit's, not the structure's
-_MOST_LAMBDA = 1e6
 LEAST_PLAY_WEIGHT = 1e-3  # of the slope beside it: Maxwell elements need one greater than zero
 
 
 @dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """Sum of squares, its gradient and Gauss-Newton matrix, over the whole vector."""
+class AxesProblem:
+    """The sum of squares at some parameters, and its normal equations over the whole vector."""
 
     cost: float
-    gradient: Array
-    matrix: Array
+    equations: NormalEquations
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    parameters: AxesParameters
+    squared_error: float
 
 
 class AxesFit:
@@ -54,7 +61,7 @@ class AxesFit:
         """Return the mean of the squared relative errors."""
         return float(np.mean(self.errors(parameters) ** 2))
 
-    def normal_equations(self, parameters: AxesParameters) -> NormalEquations:
+    def linearised(self, parameters: AxesParameters) -> AxesProblem:
         """Return the linearised problem at these parameters."""
         n = parameters.vector().size
         matrix, gradient, cost = np.zeros((n, n)), np.zeros(n), 0.0
@@ -62,12 +69,12 @@ class AxesFit:
             left = record.displacement - self.response.spectrum(parameters, r)
             for o, columns, at in self.response.derivatives(parameters, r):
                 w = self.weights[r, o]
-                stacked = np.concatenate([columns.real, columns.imag]) * w
-                rest = np.concatenate([left[o].real, left[o].imag]) * w
-                matrix[np.ix_(at, at)] += stacked.T @ stacked
-                gradient[at] += stacked.T @ rest
+                rest = real_rows(left[o]) * w
+                own = normal_equations([(real_rows(columns) * w, rest, np.ones(rest.size, dtype=np.bool_))])
+                matrix[np.ix_(at, at)] += own.gram
+                gradient[at] += own.moment
                 cost += float(rest @ rest)
-        return NormalEquations(cost, gradient, matrix)
+        return AxesProblem(cost, NormalEquations(matrix, gradient))
 
     def fitted(
         self,
@@ -77,8 +84,8 @@ class AxesFit:
         n_steps: int = 20,
         still: float = 1e-4,
         progress: Progress | None = None,
-    ) -> tuple[AxesParameters, NormalEquations]:
-        """Return the parameters of the least cost from a start, and the problem linearised before the last step.
+    ) -> tuple[AxesParameters, AxesProblem]:
+        """Return the parameters of the least cost from a start, and the problem linearised there.
 
         Args:
             start: where from.
@@ -87,33 +94,34 @@ class AxesFit:
             still: the relative gain of a step below which it ends.
             progress: told share and text of each step.
         """
-        x, damping = start.vector(), 1e-3
-        plays = np.zeros(x.size, dtype=bool)  # the relay's weights, which follow them, are of either sign
+        plays = np.zeros(free.size, dtype=bool)  # the relay's weights, which follow them, are of either sign
         plays[start.places()["play_weights"][: self.response.n_plays].ravel()] = True
         plays &= free
-        problem = self.normal_equations(start)
-        for k in range(n_steps):
-            matrix, gradient = problem.matrix[np.ix_(free, free)], problem.gradient[free]
-            scale = np.diag(matrix) + 1e-14 * np.diag(problem.matrix).max()
-            cost = problem.cost
-            while damping < _MOST_LAMBDA:
-                trial = x.copy()
-                trial[free] += np.linalg.solve(matrix + damping * np.diag(scale), gradient)
-                trial[plays] = np.maximum(trial[plays], LEAST_PLAY_WEIGHT)
-                moved = start.moved_to(trial)
-                if is_sound(moved, self.response.step_s) and (cost := self.cost(moved)) < problem.cost:
-                    break
-                damping *= 6.0
-            else:
-                break
-            x, damping = trial, max(damping / 6.0, 1e-8)
-            gain = 1.0 - cost / problem.cost
-            if progress is not None:
-                progress((k + 1) / n_steps, f"error {100.0 * np.sqrt(cost):.3f} %")
-            problem = self.normal_equations(moved)
-            if gain < still:
-                break
-        return start.moved_to(x), problem
+        done = 0
+
+        def stepped(point: _Point, step: Array) -> _Point | None:
+            trial = point.parameters.vector()
+            trial[free] += step
+            trial[plays] = np.maximum(trial[plays], LEAST_PLAY_WEIGHT)
+            moved = start.moved_to(trial)
+            return _Point(moved, self.cost(moved)) if is_sound(moved, self.response.step_s) else None
+
+        def linearize(point: _Point) -> Linearized[_Point]:
+            nonlocal done
+            if progress is not None and done:
+                progress(done / n_steps, f"error {100.0 * np.sqrt(point.squared_error):.3f} %")
+            done += 1
+            whole = self.linearised(point.parameters).equations
+            equations = NormalEquations(whole.gram[np.ix_(free, free)], whole.moment[free])
+            return Linearized(equations, lambda step: stepped(point, step), np.full(equations.moment.size, np.inf))
+
+        descent = descend(_Point(start, self.cost(start)), linearize, n_iterations=n_steps, least_gain=still)
+        return descent.point.parameters, self.linearised(descent.point.parameters)
+
+
+def real_rows(columns: ComplexArray) -> Array:
+    """Return complex rows as twice as many real ones, of the same sum of squares."""
+    return np.concatenate([columns.real, columns.imag])
 
 
 def is_sound(parameters: AxesParameters, step_s: float) -> bool:

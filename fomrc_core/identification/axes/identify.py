@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.least_squares import variances_of
 from fomrc_core.errors import RecordingError
 from fomrc_core.identification.axes.drive_shape import PLAY_SHARES, RELAY_SHARE, DriveShape, fit_of
 from fomrc_core.identification.axes.fit import AxesFit
@@ -144,7 +145,7 @@ def identify_axes(
     par, free, problem = pruned(fit, par, par.mask(*names), options.n_parameters_max - drive.n_constants, tell)
     model = model_of(par, drive, reference if has_levels else None, 1.0 / good[0].rate_hz)
     places = par.places()
-    variance = _variances(problem.matrix, free, problem.cost / max(_n_values(good) - int(free.sum()), 1))
+    variance = _variances(problem.equations.gram, free, problem.cost / max(_n_values(good) - int(free.sum()), 1))
     scale = np.sqrt(variance[places["log_frequency"]]), np.sqrt(variance[places["log_damping"]])
     errors = fit.errors(par)
     return AxesIdentification(
@@ -264,9 +265,7 @@ def _unit_strain(fit: AxesFit, par: AxesParameters) -> float:
 
 def _variances(matrix: Array, free: Mask, variance: float) -> Array:
     found = np.zeros(free.size)
-    block = matrix[np.ix_(free, free)]
-    block = block + 1e-10 * np.diag(np.diag(block))
-    found[free] = np.maximum(np.diag(np.linalg.pinv(block, hermitian=True)), 0.0) * variance
+    found[free] = variances_of(matrix[np.ix_(free, free)]) * variance
     return found
 
 

@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.identification.axes.fit import AxesFit, NormalEquations, is_sound
+from fomrc_core.compute.least_squares import whitening_of
+from fomrc_core.identification.axes.fit import AxesFit, AxesProblem, is_sound
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ _ROUND = 0.25  # share of what is to go in one round
 
 def pruned(
     fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Progress
-) -> tuple[AxesParameters, Mask, NormalEquations]:
+) -> tuple[AxesParameters, Mask, AxesProblem]:
     """Return parameters, what of them is free, and the problem at the end.
 
     Args:
@@ -81,18 +82,17 @@ def _gauge(par: AxesParameters) -> Mask:
     return mask
 
 
-def _leaving(
-    par: AxesParameters, free: Mask, problem: NormalEquations, n_least: int
-) -> tuple[NDArray[np.int64], Array]:
+def _leaving(par: AxesParameters, free: Mask, problem: AxesProblem, n_least: int) -> tuple[NDArray[np.int64], Array]:
     """Return what leaves, and the vector without it, the rest moved to make good for it.
 
     One after another, each where the loss is least by the linearised problem without those before it: of several
     that stand in for one another one stays.
     """
     x, at = par.vector(), np.flatnonzero(free)
-    block = problem.matrix[np.ix_(free, free)]
+    block = problem.equations.gram[np.ix_(free, free)]
     scale = np.sqrt(np.diag(block) + 1e-300)
-    inverse = np.linalg.inv(block / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
+    whitening = whitening_of(block / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
+    inverse = whitening @ whitening.T
     y, may = x[at] * scale, par.mask(*_MAY_GO)[free]
     gone: list[int] = []
     while True:

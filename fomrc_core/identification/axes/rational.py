@@ -7,15 +7,17 @@ Comp. Lett. 18 (2008) 383-385). The responses are not needed: the poles are fitt
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.arrays import Mask
+from fomrc_core.compute.least_squares import NormalEquations, normal_equations
+from fomrc_core.identification.axes.fit import real_rows
 from fomrc_core.identification.axes.periodic import PeriodicRecord
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+_Rows = tuple[Array, Array, Mask]
 
 _N_ROUNDS = 12
 _START_DAMPING = 0.01
@@ -57,19 +59,18 @@ def _moved(
     own = [np.concatenate([columns * u[:, None] for u in drive], axis=1) for drive in inputs]
     gram, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
     for o in range(records[0].displacement.shape[0]):
-        left: Any = 0.0
-        both: Any = 0.0
-        shared: Any = 0.0
         weight = 1.0 / np.sqrt(np.mean([record.rms_um[o] ** 2 for record in records]))
-        for mine, record in zip(own, records, strict=True):
+
+        def rows(mine: ComplexArray, record: PeriodicRecord, o: int = o, weight: float = weight) -> _Rows:
             y = record.displacement[o][:, None] * weight
-            a, b = _real(mine * weight), _real(np.concatenate([-basis * y, y], axis=1))
-            left, both, shared = left + a.T @ a, both + a.T @ b, shared + b.T @ b
-        left = left + 1e-12 * np.diag(np.diag(left))
-        reduced = shared - both.T @ np.linalg.solve(left, both)
-        gram += reduced[:-1, :-1]
-        right += reduced[:-1, -1]
-    c = np.linalg.solve(gram, right) * scale
+            columns, target = real_rows(np.concatenate([mine * weight, -basis * y], axis=1)), real_rows(y)[:, 0]
+            return columns, target, np.ones(target.size, dtype=np.bool_)
+
+        whole = normal_equations(rows(mine, record) for mine, record in zip(own, records, strict=True))
+        shared = whole.without(own[0].shape[1])
+        gram += shared.gram
+        right += shared.moment
+    c = NormalEquations(gram, right).solution() * scale
     matrix, column, row = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), np.zeros(2 * n)
     for m, p in enumerate(poles):
         k = slice(2 * m, 2 * m + 2)
@@ -83,7 +84,3 @@ def _moved(
         hz = np.linspace(0.25, 0.95, n - upper.size) * abs(s[-1])
         upper = np.concatenate([upper, hz * (1j - _START_DAMPING)])
     return np.asarray(upper[np.argsort(upper.imag)][:n])
-
-
-def _real(columns: ComplexArray) -> Array:
-    return np.concatenate([columns.real, columns.imag])

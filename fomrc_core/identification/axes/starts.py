@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.identification.axes.fit import AxesFit
+from fomrc_core.compute.arrays import Mask
+from fomrc_core.compute.least_squares import normal_equations
+from fomrc_core.identification.axes.fit import AxesFit, real_rows
 from fomrc_core.identification.axes.parameters import AxesParameters
+from fomrc_core.identification.axes.periodic import PeriodicRecord
 from fomrc_core.identification.axes.response import mode_answers
 
 Array = NDArray[np.float64]
@@ -100,16 +102,14 @@ def _residues(
     else:
         near = np.abs(hz - min(near_hz, hz[-1])) < max(_NEAR_HZ, 0.03 * near_hz)
     basis = np.concatenate(columns, axis=1)[near]
-    gram: Any = 0.0
-    right: Any = 0.0
-    for r, record in enumerate(response.records):
+
+    def rows(r: int, record: PeriodicRecord) -> tuple[Array, Array, Mask]:
         left = record.displacement if near_hz is None else record.displacement - response.spectrum(par, r)
-        a = np.concatenate([basis * u[near][:, None] for u in record.voltage], axis=1)
-        y = left[:, near].T
-        a, y = np.concatenate([a.real, a.imag]), np.concatenate([y.real, y.imag])
-        gram, right = gram + a.T @ a, right + a.T @ y
-    gram = gram + 1e-12 * np.diag(np.diag(gram))
-    solved = np.linalg.solve(gram, right).reshape(len(par.static[0]), basis.shape[1], -1)  # I, columns, O
+        columns = real_rows(np.concatenate([basis * u[near][:, None] for u in record.voltage], axis=1))
+        return columns, real_rows(left[:, near].T), np.ones(columns.shape[0], dtype=np.bool_)
+
+    solution = normal_equations(rows(r, record) for r, record in enumerate(response.records)).solution()
+    solved = solution.reshape(len(par.static[0]), basis.shape[1], -1)  # I, columns, O
     matrices = (solved[:, :n] + 1j * solved[:, n : 2 * n]).transpose(1, 2, 0)
     static = solved[:, -1].T.copy() if near_hz is None else par.static
     return matrices, static
