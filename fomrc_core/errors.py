@@ -5,6 +5,14 @@ from __future__ import annotations
 _LONGEST_VALUE = 80
 
 
+def _shortened(shown: str) -> str:
+    """Return the text with what is too much taken out of its middle: a path is told by its end."""
+    if len(shown) <= _LONGEST_VALUE:
+        return shown
+    kept = _LONGEST_VALUE - 3
+    return f"{shown[: kept // 2]}...{shown[len(shown) - (kept - kept // 2) :]}"
+
+
 class FomrcError(Exception):
     """Base of every error raised on purpose by this package."""
 
@@ -23,8 +31,7 @@ class InputError(FomrcError, ValueError):
         self.what, self.where, self.value, self.allowed = what, where, value, allowed
         text = f"{where}: {what}" if where else what
         if value is not None:
-            shown = " ".join(repr(value).split())
-            text += f", got {shown if len(shown) <= _LONGEST_VALUE else shown[: _LONGEST_VALUE - 3] + '...'}"
+            text += f", got {_shortened(' '.join(repr(value).split()))}"
         if allowed:
             text += f" (allowed: {allowed})"
         super().__init__(" ".join(text.split()))

@@ -33,10 +33,45 @@ def stamp_s(stamp: Time) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def _finite(value: float, where: str, unit: str) -> float:
+def finite(value: float, where: str, unit: str) -> float:
+    """Return the value; raises InputError where it is not finite."""
     if not math.isfinite(value):
         raise InputError("not finite", where=where, value=value, allowed=f"finite, in {unit}")
     return float(value)
+
+
+def entry_of_array(message: Float64MultiArray, what: str) -> float:
+    """Return the first entry of an array, unchecked; raises InputError where there is none.
+
+    Args:
+        message: the array.
+        what: what it is one of, for the error.
+    """
+    if not message.data:
+        raise InputError(f"no {what}", where="Float64MultiArray.data", value=0, allowed="1 or more entries")
+    return float(message.data[0])
+
+
+def entry_of_joint(message: JointState, joint_name: str, field: str) -> float:
+    """Return what a message says of a joint, unchecked; raises InputError where it says nothing.
+
+    Args:
+        message: of several joints or one.
+        joint_name: which; in a message without names it is the first.
+        field: "position", "velocity" or "effort".
+    """
+    names, entries = list(message.name), getattr(message, field)
+    if names and joint_name not in names:
+        raise InputError("joint not in the message", where="JointState.name", value=names[:5], allowed=joint_name)
+    k = names.index(joint_name) if names else 0
+    if k >= len(entries):
+        raise InputError(
+            f"no {field} for the joint",
+            where=f"JointState.{field}",
+            value=len(entries),
+            allowed=f"{k + 1} or more entries",
+        )
+    return float(entries[k])
 
 
 class PositionInterface(ABC):
@@ -62,7 +97,7 @@ class PositionInterface(ABC):
         Raises:
             InputError: no position, not finite, or further than any piezo travels.
         """
-        position_m = _finite(self.position_m(message), "position", "m")
+        position_m = finite(self.position_m(message), "position", "m")
         if abs(position_m) > LARGEST_POSITION_M:
             raise InputError(
                 "position out of range, is it in metres?",
@@ -98,9 +133,7 @@ class MultiArrayPosition(PositionInterface):
 
     def position_m(self, message: Float64MultiArray) -> float:
         """Return the first entry [m], unchecked; raises InputError where there is none."""
-        if not message.data:
-            raise InputError("no position", where="Float64MultiArray.data", value=0, allowed="1 or more entries")
-        return float(message.data[0])
+        return entry_of_array(message, "position")
 
 
 class JointStatePosition(PositionInterface):
@@ -123,23 +156,7 @@ class JointStatePosition(PositionInterface):
 
     def position_m(self, message: JointState) -> float:
         """Return the position of the joint [m], unchecked; raises InputError where it is missing."""
-        names = list(message.name)
-        if not names:
-            k = 0
-        elif self.joint_name in names:
-            k = names.index(self.joint_name)
-        else:
-            raise InputError(
-                "joint not in the message", where="JointState.name", value=names[:5], allowed=self.joint_name
-            )
-        if k >= len(message.position):
-            raise InputError(
-                "no position for the joint",
-                where="JointState.position",
-                value=len(message.position),
-                allowed=f"{k + 1} or more entries",
-            )
-        return float(message.position[k])
+        return entry_of_joint(message, self.joint_name, "position")
 
     def time_s(self, message: JointState, received_s: float) -> float:
         """Return the stamp [s], or the time of receipt where the stamp is zero."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,11 +24,15 @@ settings.load_profile("same_examples")
 
 # Set before any ROS context exists. Not overridden where the caller has chosen a domain.
 os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-# Not by shared memory. A node that is killed, as the tests kill many, leaves its ports of shared memory behind; whoever
-# meets them afterwards and then closes its own ends with a segmentation fault in libfastdds 3.2,
-# SharedMemChannelResource::release() locking a mutex in memory that is gone.
-os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+# Over the loopback and not by shared memory. A node that is killed, as the tests kill many, leaves its ports of shared
+# memory behind; whoever meets them afterwards and then closes its own ends with a segmentation fault in libfastdds 3.2,
+# SharedMemChannelResource::release() locking a mutex in memory that is gone. A discovery range of LOCALHOST brings
+# shared memory back whatever FASTDDS_BUILTIN_TRANSPORTS says, so the profile says both.
+if os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") == "rmw_fastrtps_cpp":
+    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "ros" / "loopback.xml"))
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+else:
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 
 def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:

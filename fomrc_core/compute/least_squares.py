@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 
 from fomrc_core.compute.arrays import Array, Mask
 
@@ -39,20 +38,6 @@ class NormalEquations:
     gram: Array
     moment: Array
 
-    def without(self, n_first: int) -> NormalEquations:
-        """Return the equations of the other weights, the first ones following them (Schur complement).
-
-        Args:
-            n_first: number of weights eliminated.
-        """
-        first, other = slice(None, n_first), slice(n_first, None)
-        reduced = whitening_of(self.gram[first, first]).T
-        shared, own = reduced @ self.gram[first, other], reduced @ self.moment[first]
-        return NormalEquations(
-            self.gram[other, other] - product(shared, shared, np.ones(shared.shape[0], dtype=np.bool_)),
-            self.moment[other] - product(shared, own, np.ones(shared.shape[0], dtype=np.bool_)),
-        )
-
     def solution(self) -> Array:
         """Return the weights of either sign that fit best, shape of the moment; the shortest where several do."""
         whitening = whitening_of(self.gram)
@@ -76,6 +61,39 @@ def normal_equations(records: Iterable[tuple[Array, Array, Mask]]) -> NormalEqua
     if gram is None or moment is None:
         raise ValueError("normal equations of no records")
     return NormalEquations(gram, moment)
+
+
+def rows_without(records: Iterable[tuple[Array, Array]], n_first: int) -> tuple[Array, Array]:
+    """Return (columns, target) that the other weights must fit, the first ones following them.
+
+    By orthogonal triangles, one record at a time, where a Gram matrix would lose the digits in which columns that are
+    much alike differ (vector fitting). The columns have shape (n_other or fewer, n_other), the target (n_other or
+    fewer,); their least squares is that of the records.
+
+    Args:
+        records: each (columns, target), of shapes (n_samples, n_columns) and (n_samples,).
+        n_first: number of weights eliminated.
+
+    Raises:
+        ValueError: no records.
+    """
+    triangle: Array | None = None
+    for columns, target in records:
+        rows = np.column_stack((columns, target))
+        triangle = np.asarray(np.linalg.qr(rows if triangle is None else np.vstack((triangle, rows)), mode="r"))
+    if triangle is None:
+        raise ValueError("rows of no records")
+    return triangle[n_first:-1, n_first:-1], triangle[n_first:-1, -1]
+
+
+def shortest_weights(columns: Array, target: Array) -> Array:
+    """Return the weights of either sign that fit best, the shortest where several do, shape (n_columns,).
+
+    From the columns themselves, by singular values, where the Gram matrix would lose digits.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)
 
 
 def gram_of(records: Iterable[tuple[Array, Mask]]) -> Array:
@@ -168,5 +186,7 @@ def non_negative_fit(columns: Sequence[Array], targets: Sequence[Array]) -> Arra
 
 
 def _solved(matrix: Array, target: Array) -> Array:
+    from scipy.optimize import nnls  # slow to import; a model that is only run needs none
+
     weights, _ = nnls(matrix, target, maxiter=_CHANGES_PER_COLUMN * matrix.shape[1])
     return np.asarray(weights)

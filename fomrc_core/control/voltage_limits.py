@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from fomrc_core.errors import ParameterError
+
+# A tick that comes late may go so many periods' reach and no more: to the stage all that lies between two voltages is
+# one step, however long the node was held up before it. Two, for a timer's jitter may leave one period out.
+_MOST_PERIODS = 2.0
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,7 @@ class VoltageLimits:
         slew_v_per_s: fastest change [V/s].
         safe_v: voltage to ramp to when told to stop [V].
         safe_ramp_v_per_s: how fast to ramp there [V/s].
+        most_step_s: longest time whose change one voltage may make at once [s].
 
     Raises:
         ParameterError: minimum not below maximum, safe voltage outside of them.
@@ -29,6 +35,7 @@ class VoltageLimits:
     slew_v_per_s: float
     safe_v: float
     safe_ramp_v_per_s: float
+    most_step_s: float = math.inf
 
     def __post_init__(self) -> None:
         if not self.minimum_v < self.maximum_v:
@@ -48,13 +55,14 @@ class VoltageLimits:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> VoltageLimits:
-        """Return the limits the node's parameters name."""
+        """Return the limits the node's parameters name, its rate_hz among them."""
         return cls(
             values["minimum_voltage_v"],
             values["maximum_voltage_v"],
             values["slew_limit_v_per_s"],
             values["safe_voltage_v"],
             values["safe_ramp_v_per_s"],
+            _MOST_PERIODS / values["rate_hz"],
         )
 
     def clamp(self, voltage_v: float) -> float:
@@ -74,6 +82,7 @@ class VoltageLimits:
             min(self.slew_v_per_s, other.slew_v_per_s),
             min(max(self.safe_v, low), high),
             min(self.safe_ramp_v_per_s, other.safe_ramp_v_per_s),
+            min(self.most_step_s, other.most_step_s),
         )
 
     def approach(self, last_v: float, goal_v: float, step_s: float) -> float:
@@ -82,10 +91,10 @@ class VoltageLimits:
         The clamp comes last: where the limits have been narrowed and the last voltage lies beyond them, the next
         one lies within them, however far that is.
         """
-        reach = self.slew_v_per_s * step_s
+        reach = self.slew_v_per_s * min(step_s, self.most_step_s)
         return self.clamp(min(max(self.clamp(goal_v), last_v - reach), last_v + reach))
 
     def ramp_to_safe(self, last_v: float, step_s: float) -> float:
         """Return the next voltage of the ramp to the safe one [V]."""
-        reach = min(self.safe_ramp_v_per_s, self.slew_v_per_s) * step_s
+        reach = min(self.safe_ramp_v_per_s, self.slew_v_per_s) * min(step_s, self.most_step_s)
         return self.clamp(min(max(self.safe_v, last_v - reach), last_v + reach))

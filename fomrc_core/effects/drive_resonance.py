@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.effect import Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.ringing import ringing_peaks_hz
-from fomrc_core.effects.base.second_order import run_second_order, second_order_form
-from fomrc_core.effects.base.step_form import StepForm
+from fomrc_core.effects.base.second_order import SecondOrder
 
 
 @dataclass(frozen=True)
-class DriveResonance(Effect):
+class DriveResonance(SecondOrder):
     """Second-order response of the drive, exact for a drive linear between samples."""
 
     name: ClassVar[str] = "drive_resonance"
@@ -36,26 +32,7 @@ class DriveResonance(Effect):
         "at both alike, and a mass loaded by a known weight rings slower"
     )
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the voltage; use smooth targets"
-    needs_substeps: ClassVar[bool] = True
-    rings: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -0.5
-
-    frequency_hz: float
-    damping_ratio: float
-
-    def initial_state(self) -> Array:
-        """Return (output [V], its rate [V/s], input [V]) at rest."""
-        return np.zeros(3)
-
-    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return the amplifier's output [V], shape (n_samples,)."""
-        out = np.empty(values.size)
-        run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
-        return out
-
-    def step_form(self, shortest_part_s: float) -> StepForm:
-        """Return the step for a controller."""
-        return second_order_form(2.0 * math.pi * self.frequency_hz, self.damping_ratio)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DriveResonance]:

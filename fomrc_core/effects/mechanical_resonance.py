@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.effect import Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.ringing import n_apart, ringing_peaks_hz, slowest_ringing_hz
-from fomrc_core.effects.base.second_order import run_second_order, second_order_form
-from fomrc_core.effects.base.step_form import StepForm
+from fomrc_core.effects.base.second_order import SecondOrder
 
 # Of the sample rate: a mode that rings is seen up to half of it, one that hardly does somewhat above.
 _FASTEST, _FASTEST_DAMPED = 0.49, 0.8
@@ -20,7 +18,7 @@ _APART = 1.8  # factor between trials: within reach of a fit, which finds a reso
 
 
 @dataclass(frozen=True)
-class MechanicalResonance(Effect):
+class MechanicalResonance(SecondOrder):
     """Second-order response of the displacement, equation (3), exact for a force linear between samples."""
 
     name: ClassVar[str] = "mechanical_resonance"
@@ -38,26 +36,7 @@ class MechanicalResonance(Effect):
     experiment: ClassVar[str] = "a multisine through the resonance, or steps sampled fast"
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the target; use smooth targets"
     paper_section: ClassVar[str] = "4.4"
-    needs_substeps: ClassVar[bool] = True
-    rings: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -0.5
-
-    frequency_hz: float
-    damping_ratio: float
-
-    def initial_state(self) -> Array:
-        """Return (position [um], velocity [um/s], input [um]) at rest."""
-        return np.zeros(3)
-
-    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
-        """Return the displacement of the mass [um], shape (n_samples,)."""
-        out = np.empty(values.size)
-        run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
-        return out
-
-    def step_form(self, shortest_part_s: float) -> StepForm:
-        """Return the step for a controller."""
-        return second_order_form(2.0 * math.pi * self.frequency_hz, self.damping_ratio)
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[MechanicalResonance]:

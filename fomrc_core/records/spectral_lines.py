@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from fomrc_core.compute.arrays import Array
 
@@ -29,6 +28,8 @@ def without_lines(values: Array) -> tuple[Array, tuple[float, ...]]:
     x = np.asarray(values, dtype=np.float64)
     if x.size < _N_MIN:
         return x, ()
+    from scipy.ndimage import median_filter  # slow to import; no node that only drives needs it
+
     window = np.hanning(x.size + 2)[1:-1]
     t = np.linspace(-1.0, 1.0, x.size)
     lines: list[float] = []

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fomrc_core.compute.arrays import Array
 
@@ -54,6 +53,8 @@ class AutoregressiveFilter:
         Returns:
             The whitened values, of the same shape.
         """
+        from scipy.signal import lfilter  # a second to import, which no node that only drives shall wait for
+
         x = np.asarray(values, dtype=np.float64)
         white = np.asarray(lfilter(self.coefficients, [1.0], x, axis=0), dtype=np.float64)
         white /= np.sqrt(self.innovation_um2)

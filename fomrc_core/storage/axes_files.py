@@ -59,7 +59,7 @@ def read_axes_recording(path: str | os.PathLike[str], n_periods: int | None = No
     where = os.fspath(path)
     columns = _npz(where) if where.endswith(".npz") else _csv(where)
     if "time_s" not in columns:
-        raise StorageError("column time_s is missing", where=where, allowed=", ".join(columns))
+        raise StorageError("no column time_s", where=where, value=",".join(columns), allowed="time_s, voltage_1_v, ...")
     inputs, outputs = _numbered(columns, "voltage", where), _numbered(columns, "displacement", where)
     time = columns["time_s"]
     steps = np.diff(time)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -13,6 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from fomrc_core.errors import FomrcError
 from fomrc_core.records.recording import Recording
 from fomrc_ros.conversions import PositionInterface
+from fomrc_ros.node.inbox import Inbox
 from fomrc_ros.node.voltage_interface import VoltageInterface
 
 # Lags tried when voltage and displacement are brought together: message, stage and message again.
@@ -29,9 +27,6 @@ Array = NDArray[np.float64]
 class StageRecorder:
     """Takes the messages of ``voltage`` and ``displacement`` from the middleware when asked to.
 
-    Not by callbacks: the events executor of rclpy 9.1 cannot hand on when a message was sent, and when it gets
-    round to a message says nothing about the stage. So a small node of its own, which no executor spins.
-
     Args:
         node: the node it belongs to; its names and clock are used.
         interface: message type of displacement.
@@ -43,26 +38,19 @@ class StageRecorder:
     """
 
     def __init__(self, node: Node, interface: PositionInterface, voltage: VoltageInterface) -> None:
-        self._node, self._interface, self._voltage_interface = node, interface, voltage
+        self._interface, self._voltage_interface = interface, voltage
         self.voltage_v: float | None = None
         self.n_displacements = 0
         self._is_recording = False
         self._sent: list[tuple[float, float]] = []
         self._seen: list[tuple[float, float]] = []
-        self._listener = rclpy.create_node(
-            f"{node.get_name()}_recorder",
-            context=node.context,
-            namespace=node.get_namespace(),
-            use_global_arguments=False,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
-        self._voltage = self._subscription(voltage.message_type, "voltage", _VOLTAGE)
-        self._displacement = self._subscription(interface.message_type, "displacement", _DISPLACEMENT)
+        self._inbox = Inbox(node)
+        self._voltages = self._inbox.subscription(voltage.message_type, "voltage", _VOLTAGE)
+        self._displacements = self._inbox.subscription(interface.message_type, "displacement", _DISPLACEMENT)
 
     def close(self) -> None:
         """Listen no more."""
-        self._listener.destroy_node()
+        self._inbox.close()
 
     def begin(self) -> None:
         """Keep what is heard from now on."""
@@ -77,14 +65,14 @@ class StageRecorder:
 
     def take(self) -> None:
         """Take what has come."""
-        for message, time_s in self._taken(self._voltage):
+        for message, time_s in self._voltages():
             try:
                 self.voltage_v = self._voltage_interface.voltage_v(message)
             except FomrcError:
                 continue
             if self._is_recording:
                 _append(self._sent, time_s, self.voltage_v)
-        for message, time_s in self._taken(self._displacement):
+        for message, time_s in self._displacements():
             try:
                 moved_um = self._interface.to_um(message)
             except FomrcError:
@@ -126,24 +114,6 @@ class StageRecorder:
         time_s, voltage_v = with_held_voltage(sent[inside, 0], sent[inside, 1], period_s)
         moved = np.interp(time_s + lag_s, seen[:, 0], seen[:, 1])
         return Recording(time_s - time_s[0], voltage_v, moved, name=name)
-
-    def _subscription(self, kind: type[Any], topic: str, quality: QoSProfile) -> Any:
-        # Nobody calls this: messages are taken by ``take``.
-        return self._listener.create_subscription(
-            kind, self._node.resolve_topic_name(topic), lambda message: None, quality
-        )
-
-    def _taken(self, subscription: Any) -> list[tuple[Any, float]]:
-        # Simulated time is in no message's own stamp: there it is the time of taking.
-        is_simulated = self._node.get_parameter("use_sim_time").value
-        now_s = 1e-9 * float(self._node.get_clock().now().nanoseconds)
-        found = []
-        with subscription.handle:
-            while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:
-                message, info = taken
-                sent_s = 1e-9 * float(info["source_timestamp"])
-                found.append((message, now_s if is_simulated or not sent_s else sent_s))
-        return found
 
 
 def _append(kept: list[tuple[float, float]], time_s: float, value: float) -> None:

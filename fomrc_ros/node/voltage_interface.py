@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -13,9 +12,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from fomrc_core.errors import InputError
+from fomrc_ros.conversions import INTERFACES, entry_of_array, entry_of_joint, finite
 from fomrc_ros.node.quality_of_service import COMMAND
 
-INTERFACES = ("float64", "joint_state", "float64_multi_array")
 # A driver is told that the compensator is gone when so long has passed without a sign of life from its process.
 LEASE_S = 0.5
 # And that it drives no more when this many periods have passed without a voltage.
@@ -37,10 +36,7 @@ class VoltageInterface(ABC):
 
     def voltage_v(self, message: Any) -> float:
         """Return the voltage in a message [V]; raises InputError where it has none, or one that is not finite."""
-        value = self.entry_v(message)
-        if not math.isfinite(value):
-            raise InputError("not finite", where="voltage", value=value, allowed="finite, in V")
-        return value
+        return finite(self.entry_v(message), "voltage", "V")
 
 
 class Float64Voltage(VoltageInterface):
@@ -68,9 +64,7 @@ class MultiArrayVoltage(VoltageInterface):
 
     def entry_v(self, message: Float64MultiArray) -> float:
         """Return the first entry [V], unchecked; raises InputError where there is none."""
-        if not message.data:
-            raise InputError("no voltage", where="Float64MultiArray.data", value=0, allowed="1 or more entries")
-        return float(message.data[0])
+        return entry_of_array(message, "voltage")
 
 
 class JointStateVoltage(VoltageInterface):
@@ -93,17 +87,7 @@ class JointStateVoltage(VoltageInterface):
 
     def entry_v(self, message: JointState) -> float:
         """Return the effort of the joint [V], unchecked; raises InputError where it is missing."""
-        names = list(message.name)
-        if names and self.joint_name not in names:
-            raise InputError(
-                "joint not in the message", where="JointState.name", value=names[:5], allowed=self.joint_name
-            )
-        k = names.index(self.joint_name) if names else 0
-        if k >= len(message.effort):
-            raise InputError(
-                "no effort for the joint", where="JointState.effort", value=len(message.effort), allowed="1 or more"
-            )
-        return float(message.effort[k])
+        return entry_of_joint(message, self.joint_name, "effort")
 
 
 def voltage_interface(interface: str, joint_name: str) -> VoltageInterface:

@@ -15,8 +15,8 @@ from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders, started_with
 from fomrc_ros.node.parameters import ParameterSpec
-from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
 from fomrc_ros.node.voltage_parameters import LIMIT_SPECS, POLICIES
+from fomrc_ros.parameters.shared import VOLTAGE_INTERFACE
 
 
 def compensator_specs() -> tuple[ParameterSpec, ...]:
@@ -41,13 +41,7 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
         ParameterSpec(
             "interface", "float64", "message type of desired_position", choices=INTERFACES, is_read_only=True
         ),
-        ParameterSpec(
-            "voltage_interface",
-            "float64",
-            "message type of voltage: a number, a joint's effort, or an array of one",
-            choices=VOLTAGE_INTERFACES,
-            is_read_only=True,
-        ),
+        VOLTAGE_INTERFACE,
         ParameterSpec(
             "voltage_promises",
             False,

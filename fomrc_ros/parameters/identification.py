@@ -10,8 +10,8 @@ from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import Kind, ParameterSpec
-from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
 from fomrc_ros.node.voltage_parameters import LIMIT_SPECS
+from fomrc_ros.parameters.shared import SERVICE_TIMEOUT, VOLTAGE_INTERFACE
 
 METHODS = ("convex", "paper")
 
@@ -47,13 +47,7 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
         ),
         ParameterSpec("compensator", "compensator", "name of the compensator that is calibrated", is_read_only=True),
         ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
-        ParameterSpec(
-            "voltage_interface",
-            "float64",
-            "message type of voltage: a number, a joint's effort, or an array of one",
-            choices=VOLTAGE_INTERFACES,
-            is_read_only=True,
-        ),
+        VOLTAGE_INTERFACE,
         ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         ParameterSpec(
             "rate_hz",
@@ -114,14 +108,7 @@ def identification_specs() -> tuple[ParameterSpec, ...]:
             minimum=0.05,
             maximum=60.0,
         ),
-        ParameterSpec(
-            "service_timeout_s",
-            30.0,
-            "how long the compensator's services may take to appear, and then to answer",
-            unit="s",
-            minimum=0.1,
-            maximum=3600.0,
-        ),
+        SERVICE_TIMEOUT,
     )
 
 

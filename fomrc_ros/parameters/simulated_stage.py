@@ -5,7 +5,7 @@ from __future__ import annotations
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS
 from fomrc_ros.node.parameters import ParameterSpec
-from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
+from fomrc_ros.parameters.shared import VOLTAGE_INTERFACE
 
 PLANTS = ("electromechanical", "fomrc")
 
@@ -30,13 +30,7 @@ SPECS = (
     ParameterSpec("quantization_m", 0.0, "step of the sensor, 0 for none", unit="m", minimum=0.0, maximum=1e-3),
     ParameterSpec("seed", 0, "seed of the sensor noise", minimum=0, maximum=2**31 - 1, is_read_only=True),
     ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
-    ParameterSpec(
-        "voltage_interface",
-        "float64",
-        "message type of voltage: a number, a joint's effort, or an array of one",
-        choices=VOLTAGE_INTERFACES,
-        is_read_only=True,
-    ),
+    VOLTAGE_INTERFACE,
     ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
     *MODEL_SPECS,
 )

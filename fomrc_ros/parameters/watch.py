@@ -12,7 +12,7 @@ from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders
 from fomrc_ros.node.parameters import ParameterSpec
-from fomrc_ros.node.voltage_interface import INTERFACES as VOLTAGE_INTERFACES
+from fomrc_ros.parameters.shared import SERVICE_TIMEOUT, VOLTAGE_INTERFACE
 
 _USUAL = WatchSettings()
 
@@ -25,13 +25,7 @@ def watch_specs() -> tuple[ParameterSpec, ...]:
             "compensator", "compensator", "whose model is watched; empty: the one in model.*", is_read_only=True
         ),
         ParameterSpec("interface", "float64", "message type of displacement", choices=INTERFACES, is_read_only=True),
-        ParameterSpec(
-            "voltage_interface",
-            "float64",
-            "message type of voltage: a number, a joint's effort, or an array of one",
-            choices=VOLTAGE_INTERFACES,
-            is_read_only=True,
-        ),
+        VOLTAGE_INTERFACE,
         ParameterSpec("joint_name", "piezo", "name of the joint where interface is joint_state", is_read_only=True),
         ParameterSpec(
             "false_alarms_per_day",
@@ -74,14 +68,7 @@ def watch_specs() -> tuple[ParameterSpec, ...]:
         ParameterSpec(
             "allowed_folders", default_folders(), "folders files may be read from and written to", is_read_only=True
         ),
-        ParameterSpec(
-            "service_timeout_s",
-            30.0,
-            "how long the compensator's services may take to appear, and then to answer",
-            unit="s",
-            minimum=0.1,
-            maximum=3600.0,
-        ),
+        SERVICE_TIMEOUT,
         *MODEL_SPECS,
     )
 

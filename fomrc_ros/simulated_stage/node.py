@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
+from fomrc_core.control.held_inputs import held_inputs
 from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import InputError, ParameterError
 from fomrc_core.plants import electromechanical
 from fomrc_ros.conversions import m_to_um, position_interface
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
+from fomrc_ros.node.inbox import Inbox
 from fomrc_ros.node.model_parameters import model_from_values
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
@@ -23,6 +27,9 @@ from fomrc_ros.node.runtime import run
 from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.parameters.names import WITH_EFFECTS
 from fomrc_ros.parameters.simulated_stage import SPECS
+
+# So many voltages wait for a tick that is late: a second of the fastest loop.
+_DEPTH = 1000
 
 
 class Plant(Protocol):
@@ -71,9 +78,8 @@ class SimulatedPea(Node):
             self._interface.message_type, "displacement", MEASUREMENT, qos_overriding_options=overridable()
         )
         self._voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
-        self.create_subscription(
-            self._voltage.message_type, "voltage", self._on_voltage, COMMAND, qos_overriding_options=overridable()
-        )
+        self._inbox = Inbox(self)
+        self._voltages = self._inbox.subscription(self._voltage.message_type, "voltage", self._voltage_quality())
         self.create_timer(period_s, self._tick)
         self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
 
@@ -81,6 +87,25 @@ class SimulatedPea(Node):
         """Stop at once: a simulated stage has nothing to bring to safety."""
         if not self.stopped.done():
             self.stopped.set_result(None)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._inbox.close()
+
+    def _voltage_quality(self) -> QoSProfile:
+        # A subscription of this node's own declares the parameters that override its quality; then it has served.
+        quality = copy.copy(COMMAND)
+        quality.depth = _DEPTH
+        self.destroy_subscription(
+            self.create_subscription(
+                self._voltage.message_type,
+                "voltage",
+                lambda message: None,
+                quality,
+                qos_overriding_options=overridable(),
+            )
+        )
+        return quality
 
     def _build(self, values: Mapping[str, Any]) -> StageSettings:
         model = model_from_values(values)
@@ -110,20 +135,27 @@ class SimulatedPea(Node):
         # Compiling the first step takes seconds; it must not fall into the loop.
         self._settings.plant.advance(self._settings.plant.initial_state(), 0.0, 1e-3)
 
-    def _on_voltage(self, message: Any) -> None:
-        try:
-            self._voltage_v = self._voltage.voltage_v(message)
-            self._n_voltages += 1
-        except InputError as error:
-            self._n_refused += 1
-            self._refusal = str(error)
+    def _sent_voltages(self) -> list[tuple[float, float]]:
+        """Return when [s] which voltages [V] were sent since the last tick; what is none is refused."""
+        sent = []
+        for message, sent_s in self._voltages():
+            try:
+                sent.append((sent_s, self._voltage.voltage_v(message)))
+                self._n_voltages += 1
+            except InputError as error:
+                self._n_refused += 1
+                self._refusal = str(error)
+        return sent
 
     def _tick(self) -> None:
         began = self._timing.begin()
         now = self.get_clock().now()
         step_s = self._grid.step_s(1e-9 * now.nanoseconds)
         settings = self._settings
-        true_um = settings.plant.advance(self._state, self._voltage_v, step_s)
+        # An actuator does not wait for this process: after a late tick it has been where the voltages brought it.
+        parts = held_inputs(self._voltage_v, self._sent_voltages(), 1e-9 * now.nanoseconds, step_s, self._grid.period_s)
+        for self._voltage_v, part_s in parts:
+            true_um = settings.plant.advance(self._state, self._voltage_v, part_s)
         seen_um = true_um + settings.noise_um * self._random.standard_normal() if settings.noise_um else true_um
         if settings.quantization_um:
             seen_um = settings.quantization_um * round(seen_um / settings.quantization_um)

@@ -12,12 +12,13 @@ import sys
 import time
 
 import rclpy
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from small_model import MODEL
 from std_msgs.msg import Float64
 
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_ros.node.inbox import Inbox
 from fomrc_ros.node.runtime import make_executor
 
 PERIOD_S = 0.002
@@ -36,25 +37,24 @@ class SpoiltStage:
         self._model = PiezoModel.from_mapping(MODEL)
         self._state = self._model.initial_state()
         self._voltage_v, self._n_moving, self._stuck_um = 0.0, 0, 0.0
-        self._last_s = time.monotonic()
+        self._last_s = time.time()
         self._scale = 1.0
         self._publisher = self.node.create_publisher(Float64, "displacement", qos_profile_sensor_data)
-        self.node.create_subscription(Float64, "voltage", self._on_voltage, 10)
+        self._voltages = Inbox(self.node).subscription(Float64, "voltage", QoSProfile(depth=1000))
         self.node.create_subscription(Float64, "sensor_scale", self._on_scale, 10)
         self.node.create_timer(PERIOD_S, self._tick)
-
-    def _on_voltage(self, message: Float64) -> None:
-        self._n_moving += message.data != self._voltage_v
-        self._voltage_v = message.data
 
     def _on_scale(self, message: Float64) -> None:
         self._scale = message.data
 
     def _tick(self) -> None:
-        # A stage creeps on while a busy machine lets no timer run: its steps are as long as they were.
-        now_s = time.monotonic()
-        step_s, self._last_s = max(now_s - self._last_s, 1e-6), now_s
-        moved_um = self._model.advance(self._state, self._voltage_v, step_s) + self._random.gauss(0.0, 1e-3)
+        # A stage moves on while a busy machine lets no timer run, each voltage held until the next was sent.
+        now_s = time.time()
+        for message, sent_s in self._voltages():
+            self._advance(min(sent_s, now_s))
+            self._n_moving += message.data != self._voltage_v
+            self._voltage_v = message.data
+        moved_um = self._advance(now_s) + self._random.gauss(0.0, 1e-3)
         if self._kind == "noise":
             moved_um = self._random.gauss(0.0, 1.0)
         elif self._kind == "reversed":
@@ -66,6 +66,11 @@ class SpoiltStage:
         else:
             self._stuck_um = moved_um
         self._publisher.publish(Float64(data=1e-6 * self._scale * moved_um))
+
+    def _advance(self, until_s: float) -> float:
+        step_s = max(until_s - self._last_s, 1e-6)
+        self._last_s += step_s
+        return self._model.advance(self._state, self._voltage_v, step_s)
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState
 from small_model import MODEL
 from std_msgs.msg import Float64, Float64MultiArray
 
-from fomrc_ros.conversions import position_interface
-from fomrc_ros.node.voltage_interface import INTERFACES, voltage_interface
+from fomrc_ros.conversions import INTERFACES, position_interface
+from fomrc_ros.node.voltage_interface import voltage_interface
 
 _HOW_TO = REPOSITORY / "docs" / "how-to"
 

@@ -92,7 +92,8 @@ def test_row_08_a_stop_during_a_relaxation_before_any_target_ramps_to_the_safe_v
         assert not relaxing.result().success
     probe.until(lambda: heard[-1][1].data == 0.0, "the safe voltage")
     ramp = volts(heard)[-25:]
-    assert np.all(np.abs(np.diff(ramp)) <= 3 * 20.0 / 200.0 + 1e-12), "and not in one jump"
+    # two periods' reach at most, also where a tick came late
+    assert np.all(np.abs(np.diff(ramp)) <= 2 * 20.0 / 200.0 + 1e-12), "and not in one jump"
 
 
 def test_row_09_a_slow_ramp_leaves_the_node_free_to_answer(tmp_path, probe, start):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fomrc_core.compute.arrays import Array, Mask
 
@@ -87,6 +86,8 @@ class BlockStatistics:
         block_s = self.n_block * self.period_s
         share = block_s / (_FORGETTING_S + block_s)
         state = np.array([(1.0 - share) * self._rested])
+        from scipy.signal import lfilter  # slow to import, and only who watches needs it
+
         rested, _ = lfilter([share], [1.0, share - 1.0], is_at_rest.astype(np.float64), zi=state)
         self._rested = float(rested[-1])
         return np.asarray(rested)
@@ -106,5 +107,7 @@ class BlockStatistics:
 
     def _without_drift(self, values: Array, base: float) -> tuple[Array, float]:
         share = self.period_s / (_FORGETTING_S + self.period_s)
+        from scipy.signal import lfilter  # slow to import, and only who watches needs it
+
         followed, _ = lfilter([share], [1.0, share - 1.0], values, zi=np.array([(1.0 - share) * base]))
         return values - followed, float(followed[-1])

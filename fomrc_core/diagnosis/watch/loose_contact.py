@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from fomrc_core.compute.arrays import Array, Mask
 
@@ -38,6 +37,8 @@ def lost_samples(residual_um: Array, is_after: Mask, small_um: float) -> Lost | 
         is_after: samples to look at, shape (n_samples,).
         small_um: what the model gets wrong in normal work [um].
     """
+    from scipy.ndimage import median_filter  # slow to import; only a change is looked at by it
+
     around = median_filter(residual_um, size=min(_N_AROUND, 2 * (residual_um.size // 4) + 1), mode="nearest")
     is_lost = (np.abs(residual_um - around) > _FAR * small_um) & is_after
     share = float(np.mean(is_lost[is_after])) if np.any(is_after) else 0.0

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.effect import Effect
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 
@@ -45,24 +50,50 @@ def run_second_order(state: Array, omega: float, damping: float, values: Array, 
     state[0], state[1], state[2] = position, velocity, before
 
 
-def second_order_form(omega: float, damping: float) -> StepForm:
-    """Return the same response, a sample at a time, for a controller.
+@dataclass(frozen=True)
+class SecondOrder(Effect):
+    """What a mass on a spring, an amplifier that overshoots and a mode of a part have alike."""
 
-    Args:
-        omega: undamped angular frequency [rad/s].
-        damping: damping ratio, below 1.
-    """
-    return StepForm(
-        constants=(("omega", omega), ("damping", damping), ("root", math.sqrt(1.0 - damping * damping))),
-        state=(
-            StateField("position", kind=FieldKind.WIDE, comment="output of the step before"),
-            StateField("velocity", kind=FieldKind.WIDE, comment="its rate [1/s]"),
-            StateField("before", comment="input of the step before"),
-        ),
-        coefficients=("decay", "cosine", "sine"),
-        prepare=_prepare,
-        forward=_swing,
-    )
+    needs_substeps: ClassVar[bool] = True
+    rings: ClassVar[bool] = True
+
+    frequency_hz: float
+    damping_ratio: float
+
+    @property
+    def share(self) -> float:
+        """Share of the output that passes through the second order [1]; the rest follows at once."""
+        return 1.0
+
+    def initial_state(self) -> Array:
+        """Return (output, its rate [1/s], input) at rest."""
+        return np.zeros(3)
+
+    def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
+        """Return the response, in the unit of the values, shape (n_samples,)."""
+        out = np.empty(values.size)
+        run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
+        return out if self.share == 1.0 else values + self.share * (out - values)
+
+    def step_form(self, shortest_part_s: float) -> StepForm:
+        """Return the step for a controller."""
+        damping = self.damping_ratio
+        return StepForm(
+            constants=(
+                ("omega", 2.0 * math.pi * self.frequency_hz),
+                ("damping", damping),
+                ("root", math.sqrt(1.0 - damping * damping)),
+                ("share", self.share),
+            ),
+            state=(
+                StateField("position", kind=FieldKind.WIDE, comment="output of the step before"),
+                StateField("velocity", kind=FieldKind.WIDE, comment="its rate [1/s]"),
+                StateField("before", comment="input of the step before"),
+            ),
+            coefficients=("decay", "cosine", "sine"),
+            prepare=_prepare,
+            forward=_swing,
+        )
 
 
 def _prepare(k: Fields, c: Fields, step_s: float) -> None:
@@ -82,4 +113,4 @@ def _swing(s: Fields, k: Fields, c: Fields, value: float, step_s: float) -> Numb
     s.velocity = slope + k.decay * (-sigma * (p * k.cosine + q * k.sine) + damped * (q * k.cosine - p * k.sine))
     s.position = value - lag + k.decay * (p * k.cosine + q * k.sine)
     s.before = value
-    return s.position
+    return value + c.share * (s.position - value)

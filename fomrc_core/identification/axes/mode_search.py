@@ -66,7 +66,8 @@ def _imaginary_share(par: AxesParameters) -> float:
     """Return how far the modes' shapes are from real, each mode's phase free."""
     par = par.in_one_gauge()
     shapes = np.einsum("mo,mi->moi", par.output_shape, par.input_shape)
-    return float(np.sum(shapes.imag**2) / np.sum(np.abs(shapes) ** 2))
+    power = float(np.sum(np.abs(shapes) ** 2))
+    return float(np.sum(shapes.imag**2)) / power if power > 0.0 else 0.0
 
 
 def _cost_of(trial: tuple[float, float, AxesParameters]) -> float:
@@ -99,7 +100,7 @@ def _one_more(fit: AxesFit, par: AxesParameters, top_hz: float) -> AxesParameter
     hz = fit.response.records[0].frequency_hz
     gains = []
     for start in np.concatenate([np.arange(hz[0] + 0.2 * top_hz, top_hz, top_hz / 100.0), top_hz * np.r_[1.04, 1.12]]):
-        if np.min(np.abs(np.log(2.0 * np.pi * start) - par.log_frequency)) < 0.01:
+        if np.min(np.abs(np.log(2.0 * np.pi * start) - par.log_frequency), initial=np.inf) < 0.01:
             continue
         trial = with_mode(fit, par, float(start))
         gains.append((fit.cost(trial), start, trial))

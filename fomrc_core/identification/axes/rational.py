@@ -10,14 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.arrays import Mask
-from fomrc_core.compute.least_squares import NormalEquations, normal_equations
+from fomrc_core.compute.least_squares import rows_without, shortest_weights
 from fomrc_core.identification.axes.fit import real_rows
 from fomrc_core.identification.axes.periodic import PeriodicRecord
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-_Rows = tuple[Array, Array, Mask]
+_Rows = tuple[Array, Array]
 
 _N_ROUNDS = 12
 _START_DAMPING = 0.01
@@ -57,20 +56,20 @@ def _moved(
     basis = _basis(poles, s) * scale
     columns = np.concatenate([basis, np.ones((s.size, 1)), (s / abs(s[-1]))[:, None]], axis=1)
     own = [np.concatenate([columns * u[:, None] for u in drive], axis=1) for drive in inputs]
-    gram, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
+    left: list[Array] = []
+    right: list[Array] = []
     for o in range(records[0].displacement.shape[0]):
         weight = 1.0 / np.sqrt(np.mean([record.rms_um[o] ** 2 for record in records]))
 
         def rows(mine: ComplexArray, record: PeriodicRecord, o: int = o, weight: float = weight) -> _Rows:
             y = record.displacement[o][:, None] * weight
-            columns, target = real_rows(np.concatenate([mine * weight, -basis * y], axis=1)), real_rows(y)[:, 0]
-            return columns, target, np.ones(target.size, dtype=np.bool_)
+            return real_rows(np.concatenate([mine * weight, -basis * y], axis=1)), real_rows(y)[:, 0]
 
-        whole = normal_equations(rows(mine, record) for mine, record in zip(own, records, strict=True))
-        shared = whole.without(own[0].shape[1])
-        gram += shared.gram
-        right += shared.moment
-    c = NormalEquations(gram, right).solution() * scale
+        pairs = (rows(mine, record) for mine, record in zip(own, records, strict=True))
+        shared, target = rows_without(pairs, own[0].shape[1])
+        left.append(shared)
+        right.append(target)
+    c = shortest_weights(np.concatenate(left), np.concatenate(right)) * scale
     matrix, column, row = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), np.zeros(2 * n)
     for m, p in enumerate(poles):
         k = slice(2 * m, 2 * m + 2)

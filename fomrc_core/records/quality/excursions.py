@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from fomrc_core.compute.arrays import Array, Mask
 
@@ -76,11 +75,13 @@ class Surroundings:
             step_um: step of the sensor [um]; nan where it has none.
             span_um: range of the record [um]; that of the readings where not given.
         """
+        from scipy.ndimage import maximum_filter1d  # slow to import; no node that only drives needs it
+
         rest = displacement_um - followed_um
         second = np.diff(rest, 2)
         noise = 1.4826 * float(np.median(np.abs(second))) / np.sqrt(6.0)
         # an excursion is above four neighbours: two of them at once more than this has the probability asked for
-        level = np.sqrt(2.0) * float(norm.isf(_FALSE_ALARMS / (2.0 * N_BURST_MAX * rest.size)))
+        level = np.sqrt(2.0) * -float(ndtri(_FALSE_ALARMS / (2.0 * N_BURST_MAX * rest.size)))
         own = _span(displacement_um)
         span = own if span_um is None else span_um
         floor = max(level * noise, _N_STEPS * step_um if np.isfinite(step_um) else 0.0, _LEAST_SHARE * span)
