@@ -12,7 +12,7 @@ from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
-_MEASURES = "test/ros/test_calibration.py"
+_MEASURES = ("test/ros/test_watch_node.py", "test/ros/test_calibration.py")
 # Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
 
@@ -49,7 +49,7 @@ def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[py
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put the ROS tests last: several processes at 1 kHz want the processors to themselves.
 
-    Last of all a calibration, which measures: by then no other worker has anything left to do.
+    Last of all those that measure: by then no other worker has anything left to do.
     """
     if len(items) > _MANY:
         items[:], left = _of_many_alike(items)

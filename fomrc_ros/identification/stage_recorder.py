@@ -71,7 +71,7 @@ class StageRecorder:
             except FomrcError:
                 continue
             if self._is_recording:
-                _append(self._sent, time_s, self.voltage_v)
+                _append(self._sent, self._voltage_interface.time_s(message, time_s), self.voltage_v)
         for message, time_s in self._displacements():
             try:
                 moved_um = self._interface.to_um(message)

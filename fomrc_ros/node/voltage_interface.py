@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from fomrc_core.errors import InputError
-from fomrc_ros.conversions import INTERFACES, entry_of_array, entry_of_joint, finite
+from fomrc_ros.conversions import INTERFACES, entry_of_array, entry_of_joint, finite, stamp_s
 from fomrc_ros.node.quality_of_service import COMMAND
 
 # A driver is told that the compensator is gone when so long has passed without a sign of life from its process.
@@ -37,6 +37,10 @@ class VoltageInterface(ABC):
     def voltage_v(self, message: Any) -> float:
         """Return the voltage in a message [V]; raises InputError where it has none, or one that is not finite."""
         return finite(self.entry_v(message), "voltage", "V")
+
+    def time_s(self, message: Any, sent_s: float) -> float:
+        """Return when the voltage was sent [s]: by the message's own stamp where it has one, else as told."""
+        return sent_s
 
 
 class Float64Voltage(VoltageInterface):
@@ -89,6 +93,10 @@ class JointStateVoltage(VoltageInterface):
         """Return the effort of the joint [V], unchecked; raises InputError where it is missing."""
         return entry_of_joint(message, self.joint_name, "effort")
 
+    def time_s(self, message: JointState, sent_s: float) -> float:
+        """Return the stamp [s], or the time told where the stamp is zero."""
+        return stamp_s(message.header.stamp) or sent_s
+
 
 def voltage_interface(interface: str, joint_name: str) -> VoltageInterface:
     """Return the interface of this name, one of ``INTERFACES``; raises InputError for others."""
@@ -104,8 +112,9 @@ def voltage_interface(interface: str, joint_name: str) -> VoltageInterface:
 def voltage_quality(period_s: float, is_promised: bool) -> QoSProfile:
     """Return the quality of service of a voltage: newest only, reliable; where promised a deadline and a sign of life.
 
-    Promised only where asked for: a listener that closes while the lease of a killed publisher runs out was seen to end
-    with a segmentation fault in the middleware (Fast DDS of rclpy's wheels), whether it asks for events or not.
+    Promised only where asked for: with promises a listener that closed after a publisher had been killed was seen to
+    end with a segmentation fault. Its cause is Fast DDS's shared memory, which a killed process leaves behind, not the
+    promise; without one it is seldomer met.
 
     Args:
         period_s: period of the voltage [s].

@@ -140,7 +140,7 @@ class SimulatedPea(Node):
         sent = []
         for message, sent_s in self._voltages():
             try:
-                sent.append((sent_s, self._voltage.voltage_v(message)))
+                sent.append((self._voltage.time_s(message, sent_s), self._voltage.voltage_v(message)))
                 self._n_voltages += 1
             except InputError as error:
                 self._n_refused += 1

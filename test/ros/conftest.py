@@ -49,10 +49,10 @@ def spoilt() -> Iterator:
     """Start stages whose sensor is spoilt."""
     stages: list[subprocess.Popen] = []
 
-    def start(kind: str) -> None:
+    def start(kind: str, *options: str) -> None:
         paths = (REPOSITORY, REPOSITORY / "test" / "ros", REPOSITORY / "test" / "core")
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(map(str, paths)))
-        command = [sys.executable, str(Path(__file__).with_name("spoilt_stage.py")), kind]
+        command = [sys.executable, str(Path(__file__).with_name("spoilt_stage.py")), kind, *options]
         stages.append(subprocess.Popen(command, env=environment, preexec_fn=die_with_the_test))
 
     yield start

@@ -194,12 +194,17 @@ while True:
     k += 1
     message.clock.sec, message.clock.nanosec = divmod(k * 5_000_000, 10**9)
     publisher.publish(message)
-    time.sleep(0.001)
+    time.sleep(0.002)
 """
 
 
 def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start):
-    options = HASTY | {"interface": "joint_state", "use_sim_time": True, "relax_duration_s": 3.0}
+    options = HASTY | {
+        "interface": "joint_state",
+        "voltage_interface": "joint_state",
+        "use_sim_time": True,
+        "relax_duration_s": 3.0,
+    }
     file = model_file(tmp_path / "wrong.yaml", **options)
     start("compensator", file, rate_hz=50.0)
     start("simulated_pea", file, plant="fomrc", rate_hz=50.0)

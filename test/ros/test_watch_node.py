@@ -27,8 +27,8 @@ def swing_m(t: float) -> float:
 def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, spoilt):
     file = model_file(tmp_path / "model.yaml", stale_after_s=0.0)
     start("compensator", file, rate_hz=RATE_HZ)
-    spoilt("sound")
-    watch = start("watch", tmp_path / "model.yaml", auto_apply=True, **QUICK)
+    spoilt("sound", "--stamped")
+    watch = start("watch", tmp_path / "model.yaml", auto_apply=True, interface="joint_state", **QUICK)
     told: list[dict] = []
     probe.subscribe(String, f"{watch.name}/changes", lambda _, m: told.append(json.loads(m.data)), LATCHED)
     scale = probe.publisher("sensor_scale")
@@ -45,7 +45,7 @@ def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, sp
     drive_until(lambda: probe.diagnostics.get(watch.name, {}).get("state") == "watching", "learning what is normal")
     before_s = driven["s"]
     drive_until(lambda: driven["s"] > before_s + 5.0, "normal work")
-    assert probe.levels[watch.name] == DiagnosticStatus.OK
+    assert probe.levels[watch.name] == DiagnosticStatus.OK, probe.messages[watch.name]
     assert told[-1] == {"changes": []}
     scale.publish(Float64(data=0.8))
     drive_until(lambda: told and told[-1]["changes"], "the change")
