@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-# Workers of the test run; all ROS tests run in one of them (see test/conftest.py).
+# Workers of the test run (see test/conftest.py).
 JOBS   ?= auto
 
 # The ROS wheels restart Python once and mark that in this variable; inherited by the Python of
@@ -38,7 +38,7 @@ bench: $(DEV_STAMP)
 
 study: $(DEV_STAMP)
 	@$(BIN)/python -m pytest test/core -m hypothesis --hypothesis-profile new_examples -n $(JOBS)
-	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden test/ros -n $(JOBS)
+	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden test/ros test/core/reproduction test/core/effects -n $(JOBS)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
 
 lint: $(DEV_STAMP)

@@ -18,6 +18,11 @@ model file. The order is that of the chain, from the voltage that is commanded t
 
 "Belongs to" says whether the parameters are the actuator's, the same in every record, or one record's own.
 """
+_UNNAMED = """
+The one called `unnamed` below is no cause. Where something is left that none of them explains, a diagnosis adds a few
+terms that follow it and says what they depend on, not why (`unnamed_extension` in `diagnosis.json`); the status stays
+what it was without them.
+"""
 _STAGES = {
     "SAMPLED_DRIVE": "drive, at the samples",
     "DRIVE": "drive, between the samples as well",
@@ -35,12 +40,14 @@ def text() -> str:
 
     kinds = cause_classes()
     parts = [_INTRODUCTION, "| cause | where in the chain | main parameter | inverted |", "|---|---|---|---|"]
-    for name, kind in kinds.items():
+    named = {name: kind for name, kind in kinds.items() if kind.is_named}
+    for name, kind in named.items():
         unit = next(spec.unit for spec in kind.parameters if spec.name == kind.main_parameter)
         where = _STAGES[kind.stage.name if issubclass(kind, Effect) else "START"]
         parts.append(
             f"| [{name}](#{name}) | {where} | `{kind.main_parameter}` [{unit}] | {'yes' if kind.can_invert else 'no'} |"
         )
+    parts.append(_UNNAMED)
     for name, kind in kinds.items():
         parts += [
             f"\n## {name}\n",

@@ -12,6 +12,7 @@ from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
+_LONGEST = "test/core/reproduction/test_reproduction.py"  # minutes: every experiment of the paper
 _MEASURES = ("test/ros/test_watch_node.py", "test/ros/test_calibration.py")
 # Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
@@ -22,8 +23,12 @@ settings.register_profile("same_examples", derandomize=True, database=None)
 settings.register_profile("new_examples", print_blob=True)
 settings.load_profile("same_examples")
 
-# Set before any ROS context exists. Not overridden where the caller has chosen a domain.
-os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100)))
+# Set before any ROS context exists: a domain for each worker, so that ROS tests may run beside each other, the first of
+# them at random unless the caller has chosen it.
+_FIRST_DOMAIN = int(os.environ.setdefault("ROS_DOMAIN_ID", str(random.randint(1, 100))))
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+if _WORKER:
+    os.environ["ROS_DOMAIN_ID"] = str((_FIRST_DOMAIN + _WORKER) % 102)
 # Over the loopback and not by shared memory. A node that is killed, as the tests kill many, leaves its ports of shared
 # memory behind; whoever meets them afterwards and then closes its own ends with a segmentation fault in libfastdds 3.2,
 # SharedMemChannelResource::release() locking a mutex in memory that is gone. A discovery range of LOCALHOST brings
@@ -36,13 +41,14 @@ else:
 
 
 def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:
-    """Return what runs and what is left to ``make study``: of like ROS tests, each of which starts nodes, the ends."""
+    """Return what runs and what is left to ``make study``: the longest, and of like ROS tests all but the ends."""
     if os.environ.get("FOMRC_ALL_CASES"):
         return items, []
     alike: dict[str, list[pytest.Item]] = {}
     for item in items:
         alike.setdefault(item.nodeid.split("[")[0], []).append(item)
     left = [i for name, same in alike.items() if name.startswith(_ROS_TESTS) for i in same[1:-1]]
+    left += [item for item in items if item.nodeid.startswith(_LONGEST)]
     return [item for item in items if item not in left], left
 
 
@@ -59,18 +65,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Spread tests over the workers file by file, the longest one by one, but give all ROS tests to one.
+    """Spread tests over the workers file by file, the longest one by one.
 
-    Nodes of tests that run at the same time would hear each other, and compete for time.
+    Nodes of tests that run at the same time are in domains of their own; those that measure come last, in one worker.
     """
     from xdist.scheduler import LoadScopeScheduling
 
-    class RosTogether(LoadScopeScheduling):
+    class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            if nodeid.startswith(_ROS_TESTS):
+            if nodeid.startswith(_MEASURES):
                 return _ROS_TESTS
             return nodeid if nodeid.startswith(_ONE_BY_ONE) else nodeid.split("::")[0]
 
-    # The scheduler would begin with the largest group, which is that of the ROS tests.
+    # The scheduler would begin with the largest group.
     config.option.loadscopereorder = False
-    return RosTogether(config, log)
+    return ByFile(config, log)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from fomrc_core.compute.arrays import Array, Mask
@@ -37,6 +38,22 @@ class NormalEquations:
 
     gram: Array
     moment: Array
+
+    def of(self, chosen: NDArray[np.int64]) -> NormalEquations:
+        """Return the equations of some of the weights, the others held at zero."""
+        return NormalEquations(self.gram[np.ix_(chosen, chosen)], self.moment[chosen])
+
+    def without(self, n_first: int) -> NormalEquations:
+        """Return the equations of the other weights, the first ones following them (Schur complement)."""
+        reduced = whitening_of(self.gram[:n_first, :n_first]).T
+        shared, own = reduced @ self.gram[:n_first, n_first:], reduced @ self.moment[:n_first]
+        gram = self.gram[n_first:, n_first:] - gram_of([(shared, np.ones(shared.shape[0], dtype=np.bool_))])
+        return NormalEquations(gram, self.moment[n_first:] - shared.T @ own)
+
+    @property
+    def explained(self) -> float:
+        """What the weights that fit best take off the sum of squares."""
+        return float(np.sum((whitening_of(self.gram).T @ self.moment) ** 2))
 
     def solution(self) -> Array:
         """Return the weights of either sign that fit best, shape of the moment; the shortest where several do."""

@@ -7,6 +7,7 @@ __all__ = [
     "actuator_drive",
     "checkpoint",
     "compensation_loop",
+    "held_inputs",
     "loop_timing",
     "model_gate",
     "plausible_model",

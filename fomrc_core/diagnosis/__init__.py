@@ -3,4 +3,4 @@
 ``diagnose`` is the way in.
 """
 
-__all__ = ["diagnosis", "findings", "judgement", "watch"]
+__all__ = ["diagnosis", "findings", "judgement", "unnamed_extension", "watch"]

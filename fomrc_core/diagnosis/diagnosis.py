@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
-from fomrc_core.diagnosis.extended_model import never_worse
+from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
@@ -28,6 +28,7 @@ from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, Step, search
+from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, rebased, threshold_grid
 from fomrc_core.fitting.fit_record import FitRecord, shortest_time
@@ -101,6 +102,7 @@ class Diagnosis:
         extended_model: the model with what was found.
         records: every record before and after.
         quoted_on: which record before and after are quoted on.
+        unnamed: terms that follow what no cause explains, in the extended model with the causes; None where none do.
         data_quality: what is wrong with the samples of each record, and which of them were left out.
     """
 
@@ -120,6 +122,7 @@ class Diagnosis:
     extended_model: PiezoModel
     records: tuple[RecordView, ...]
     quoted_on: str
+    unnamed: UnnamedExtension | None = None
     data_quality: tuple[DataQuality, ...] = ()
 
     def __str__(self) -> str:
@@ -137,6 +140,8 @@ class Diagnosis:
             f" of the range; unexplained {self.unexplained_percent:.3g} %"
         )
         lines += [f"what is left is not noise: {reason}" for reason in self.judgement.reasons]
+        if self.unnamed is not None:
+            lines.append(str(self.unnamed))
         lines.append(f"next: {self.next_experiment}")
         return "\n".join(lines)
 
@@ -178,7 +183,7 @@ def diagnose(
                 "unknown cause", where="excluded_causes", value=name, allowed=", ".join(cause_classes())
             )
     wanted = {name: kind for name, kind in cause_classes().items() if name not in excluded_causes}
-    causes = tuple(name for name, kind in wanted.items() if not kind.adds_elements)
+    causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
     tell(0.02, "noise floor")
     noise = noise_floor(looked.train)
     split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
@@ -239,6 +244,15 @@ def _result(
     judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
     findings = with_probabilities(findings, judgement, tuple(tied))
     status = judgement.status(len(findings), bool(tied))
+    tell(0.98, "what no cause explains")
+    # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
+    unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
+    written, described = extension.model, None
+    if unnamed is not None:
+        trial, described = unnamed
+        written = as_written(trial, split)
+        after = rms(np.concatenate(held_residuals(trial, split.report)))
+        records, _, _ = _views(split, base, trial, noise)
     return Diagnosis(
         status=status,
         judgement=judgement,
@@ -253,9 +267,10 @@ def _result(
         unexplained_percent=100.0 * judgement.unexplained_share,
         smallest_detectable=smallest_detectable(found.screened, split),
         next_experiment=propose(status.value, steps, found.runner_up, extension.model, split, floor),
-        extended_model=extension.model,
+        extended_model=written,
         records=records,
         quoted_on=split.report[0].record.recording.name,
+        unnamed=described,
     )
 
 

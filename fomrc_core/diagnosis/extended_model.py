@@ -100,14 +100,18 @@ def _extend(model: TrialModel, split: DataSplit) -> Extension:
         weights[is_slope] = 1e-6 * float(np.sum(weights[plain]))
     kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
     final = replace(model, columns=model.columns.chosen(kept), weights=weights[kept])
+    return Extension(as_written(final, split), final)
+
+
+def as_written(final: TrialModel, split: DataSplit) -> PiezoModel:
+    """Return the model with Maxwell elements of a model under fit, whose plain weights are not negative."""
     operator: OperatorSum = final.operator()
     of_records = _first_of_records(final, len(split.train)).values()
     effects = (*final.actuator_effects(), *(c for c in of_records if isinstance(c, Effect)))
     start = next((c for c in of_records if isinstance(c, Prehistory)), None)
-    extended = PiezoModel(
+    return PiezoModel(
         *elements_from_play_form(operator), final.creep_order, effects, start, SUBSTEPS, final.shortest_time_s
     )
-    return Extension(extended, final)
 
 
 def _first_of_records(model: TrialModel, n_train: int) -> dict[str, Cause]:

@@ -27,6 +27,7 @@ from fomrc_core.storage.atomic import write_bytes
 if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
     from fomrc_core.diagnosis.findings import Finding
+    from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension
 
 JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
     "diagnosis.json",
@@ -86,6 +87,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "effects": [cause.name for cause in model.causes],
             "not_inverted": {cause.name: cause.inverse_note for cause in model.causes if not cause.can_invert},
         },
+        "unnamed_extension": _unnamed(diagnosis.unnamed),
         "noise": {
             "differences_um": diagnosis.noise.differences_um,
             "repeats_um": diagnosis.noise.repeats_um,
@@ -116,6 +118,19 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
     plain = _plain(results)
     assert isinstance(plain, dict)
     return plain
+
+
+def _unnamed(extension: UnnamedExtension | None) -> dict[str, Any] | None:
+    if extension is None:
+        return None
+    return {
+        "words": extension.words,
+        "n_terms": extension.effect.n_terms,
+        "rms_um_before": extension.rms_before_um,
+        "rms_um_after": extension.rms_after_um,
+        "p_value": extension.p_value,
+        "parameters": extension.effect.to_mapping(),
+    }
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

@@ -159,6 +159,8 @@ def _remains(diagnosis: Diagnosis) -> Iterator[str]:
         f"<table><tr><th>what it may follow from<th>share of its power<th>p</tr>{rows}</table>"
         f"<p>Probability of something that is not in the library: {100.0 * diagnosis.probability_of_unknown:.0f} %.</p>"
     )
+    if diagnosis.unnamed is not None:
+        yield f"<p>In the extended model, beside the causes: {html.escape(str(diagnosis.unnamed))}.</p>"
     if diagnosis.ambiguous_with:
         yield f"<p>Not told apart: {html.escape(', '.join(diagnosis.ambiguous_with))}.</p>"
     yield f"<p><b>Measure next:</b> {_with_code(diagnosis.next_experiment)}.</p>"

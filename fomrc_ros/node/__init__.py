@@ -5,6 +5,7 @@ Nothing here knows which node it is part of.
 
 __all__ = [
     "diagnostics",
+    "inbox",
     "jobs",
     "lifecycle_log",
     "model_parameters",

@@ -15,6 +15,7 @@ from fomrc_core.effects.rate_dependent_hysteresis import RateDependentHysteresis
 from fomrc_core.effects.second_mode import SecondMode
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.unequal_lag import UnequalLag
+from fomrc_core.effects.unnamed import Unnamed
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
 from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 
@@ -33,4 +34,12 @@ NEW_EFFECTS: list[Effect] = [
     SecondMode(frequency_hz=70.0, damping_ratio=0.03, participation=0.2),
     SensorBandwidth(cutoff_hz=60.0, n_poles=3.0),
     CyclicSensorError(period_um=0.3, sine_um=0.01, cosine_um=-0.005, second_sine_um=0.003),
+    Unnamed(
+        weights_um=(0.02, -0.03, 0.01, 0.005),
+        powers=(2.0, 0.0, 1.0, 1.0),
+        lags_s=(0.0, 0.02, 0.05, 0.1),
+        lag_powers=(1.0, 1.0, 2.0, 0.0),
+        thresholds=(0.0, 0.1, 0.0, 0.0),
+        span_um=3.0,
+    ),
 ]

@@ -216,10 +216,14 @@ def test_a_cancel_that_comes_too_late_says_so(tmp_path, probe, start, spoilt):
     compensator, identification = compensator_and_identification(tmp_path, start)
     moved = probe.record("displacement")
     probe.until(lambda: moved, "the stage")
-    calibrated = probe.ask(Trigger, f"{identification.name}/calibrate", Trigger.Request())
-    told = lambda: probe.diagnostics.get(identification.name, {})  # noqa: E731
-    probe.until(lambda: float(told().get("progress_percent", 0.0)) > 85.0, "the model put in force")
-    answer = probe.trigger(f"{identification.name}/cancel")
+    told = lambda: float(probe.diagnostics.get(identification.name, {}).get("progress_percent", 0.0))  # noqa: E731
+    for _ in range(5):  # the moment is short: on a busy machine it passes unseen
+        probe.diagnostics.clear()
+        calibrated = probe.ask(Trigger, f"{identification.name}/calibrate", Trigger.Request())
+        probe.until(lambda calibrated=calibrated: told() > 85.0 or calibrated.done(), "the model put in force")
+        answer = probe.trigger(f"{identification.name}/cancel")
+        if not calibrated.done():
+            break
     assert not answer.success
     assert "too late" in answer.message
     probe.until(calibrated.done, "the end of the calibration")

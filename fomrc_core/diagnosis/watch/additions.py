@@ -71,8 +71,6 @@ def _best_trial(window: Window, kind: type[Effect], first: int) -> Trial | None:
     )
     best: Trial | None = None
     for effect in kind.screening(Evidence((record,), window.small_um)):
-        if effect.belongs_to_record() and not effect.is_plausible(window.duration_s, window.period_s):
-            continue
         sized = _sized(window, effect, first)
         if sized is not None and (best is None or sized[0] < best[0]):
             best = sized
@@ -131,4 +129,6 @@ def _sized(window: Window, effect: Effect, first: int, *, keeps_size: bool = Fal
         except ParameterError:
             return None
         shape = size * shape
+    if not effect.is_plausible(window.duration_s, window.period_s):
+        return None  # a repair is no cause: a relaxation that takes away within some samples is another scale
     return window.squared_error(shape), effect, shape

@@ -16,4 +16,5 @@ __all__ = [
     "second_order",
     "spectra",
     "step_form",
+    "terms",
 ]

@@ -44,6 +44,7 @@ class Cause(ABC):
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
     is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
     # what a diagnosis must know
+    is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
     is_exchangeable: ClassVar[bool] = True  # may take the place of another cause that was found, or give way to one
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others

@@ -164,6 +164,36 @@ class Effect(Cause):
             passed[:, column] = self.run(self.initial_state(), one, steps_s)
         return passed
 
+    @classmethod
+    def offered(cls, span_um: float, step_s: float, duration_s: float) -> Effect | None:
+        """Return all terms a diagnosis may choose from where no cause explains what is left; None with most effects.
+
+        Each with weight one; ``terms`` gives them and ``with_terms`` those chosen.
+
+        Args:
+            span_um: largest displacement of the records [um].
+            step_s: sample period [s].
+            duration_s: length of the longest record [s].
+        """
+        return None
+
+    @property
+    def n_terms(self) -> int:
+        """Number of terms, for effects that are a sum of them."""
+        return 0
+
+    def terms(self, state: Array, values: Array, steps_s: Array) -> Array:
+        """Return each term without its weight, shape (n_samples, n_terms); the state moves on."""
+        return np.zeros((values.size, 0))
+
+    def with_terms(self, chosen: Sequence[int], weights_um: Array) -> Effect:
+        """Return the effect of some of the terms, with these weights [um]."""
+        return self
+
+    def words(self) -> str:
+        """Return what the terms depend on, in words, the weightiest first; "" where there are none."""
+        return ""
+
     def plays(self) -> tuple[Array, Array, Array]:
         """Return thresholds [V], knees [V] and weights [um/V] of its plays, for effects that own columns.
 
