@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from fomrc_core.cli.axes_commands import benchmark, identify_axes
+from fomrc_core.cli.check_command import check
 from fomrc_core.cli.data_commands import doctor, import_file
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
@@ -54,6 +55,7 @@ application.command()(export)
 application.command()(identify)
 application.command("identify-fleet")(identify_fleet)
 application.command("identify-axes")(identify_axes)
+application.command()(check)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
 application.command()(watch)

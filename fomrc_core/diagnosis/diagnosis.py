@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
@@ -30,15 +31,11 @@ from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, Step, search
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import choose_starts, fit_base, rebased, threshold_grid
-from fomrc_core.fitting.fit_record import FitRecord, shortest_time
-from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, residuals
-from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.drive import longest_sweep
 from fomrc_core.records.noise import NoiseFloor, noise_floor
 from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
@@ -47,9 +44,6 @@ from fomrc_core.records.usability import check_usable
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-
-N_THRESHOLDS = 112  # of the first fit
-N_GRID = 224  # from which plays are then chosen: a ceramic's own are not on the grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,12 +182,12 @@ def diagnose(
     noise = noise_floor(looked.train)
     split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
     tell(0.05, "base model")
-    base = _base(split, N_THRESHOLDS)
+    base = base_model(split)
     again = looked.again(_residuals_of_all(base, split))
     if again is not looked:
         looked, noise = again, noise_floor(again.train)
         split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
-        base = _base(split, N_THRESHOLDS)
+        base = base_model(split)
     found = search(base, split, causes, tell, executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
     coarse = coarse_model(model, split) if model is not None else None
@@ -211,16 +205,6 @@ def _residuals_of_all(base: TrialModel, split: DataSplit) -> list[Array]:
     everything += [h for h in (*split.held, *split.report) if h.index >= len(split.train)]
     found = {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
     return [_best_start(base, record, index) for index, record in sorted(found.items())]
-
-
-def _base(split: DataSplit, n_thresholds: int) -> TrialModel:
-    columns = ColumnKinds.plays(threshold_grid(split.train, n_thresholds))
-    records = (*split.train, *(part.record for part in (*split.held, *split.report)))
-    model, _, _ = fit_base(split.train, columns, choose_starts(split.train), shortest_time_s=shortest_time(records))
-    n_grid = min(max(longest_sweep([r.voltage_v for r in split.train]), n_thresholds), N_GRID)
-    nothing = tuple(() for _ in range(split.n_records))
-    model = replace(model, record_effects=nothing, grid_v=threshold_grid(split.train, n_grid))
-    return refit(rebased(model, split.train), split.train, n_iterations=3).model
 
 
 def _result(

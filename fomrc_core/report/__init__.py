@@ -5,8 +5,11 @@ Nothing is computed here that a number elsewhere depends on.
 
 __all__ = [
     "change_files",
+    "check_results",
     "diagnosis_files",
     "diagnosis_fleet",
+    "drive_to_add",
     "fit_results",
+    "recording_check",
     "recording_figure",
 ]

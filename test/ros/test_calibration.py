@@ -84,8 +84,10 @@ class Lockstep:
 
 
 def test_calibrated_stage_follows(tmp_path, probe, start):
-    compensator, _, identification = nodes(tmp_path, start, **CAREFUL, interface="joint_state", use_sim_time=True)
-    heard, moved = probe.record("voltage"), probe.record("displacement", JointState)
+    # stamped both: under a simulated clock the stamp is the only time a message has
+    stamped = {"interface": "joint_state", "voltage_interface": "joint_state", "use_sim_time": True}
+    compensator, _, identification = nodes(tmp_path, start, **CAREFUL, **stamped)
+    heard, moved = probe.record("voltage", JointState), probe.record("displacement", JointState)
     publisher = probe.publisher("desired_position", JointState)
     for name in (compensator.name, identification.name):
         probe.until(lambda name=name: name in probe.messages, f"{name} running")
@@ -98,7 +100,7 @@ def test_calibrated_stage_follows(tmp_path, probe, start):
     assert probe.state(compensator.name) == "active"
     model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
     assert list(probe.get(compensator.name, "model.saturation_v")) == model["saturation_v"] != MODEL["saturation_v"]
-    voltages = np.array([message.data for _, message in heard])
+    voltages = np.array([message.effort[0] for _, message in heard])
     assert np.max(np.abs(voltages)) <= 2.5
     nrmse_percent = tracked(clock, publisher, moved)
     print(f"{answer.message}; {clock.time_s:.0f} s of the stage's time; tracking NRMSE {nrmse_percent:.3f} %")

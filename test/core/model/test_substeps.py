@@ -32,6 +32,7 @@ from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.effects.unnamed import Unnamed
 from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
@@ -116,6 +117,7 @@ _NULLS = {
     "slow_relaxation": SlowRelaxation(0.0, 0.1),
     "thermal_drift": ThermalDrift(),
     "transport_delay": TransportDelay(0.0),
+    "unnamed": Unnamed((0.0,), (2.0,), (0.02,), (1.0,), (0.1,), 1.0),
 }
 _NOT_REPRESENTABLE = {
     "amplifier_bandwidth",
