@@ -11,7 +11,7 @@ import numpy as np
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.kernels import lag_weights, run_lag
+from fomrc_core.effects.base.kernels import lag_shares, run_lag
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
 
@@ -112,8 +112,8 @@ def _invert_relaxation(
 ) -> None:
     late, before = state[0], state[1]
     for k in range(values.size):
-        decay, ramp = lag_weights(steps_s[k] / time_constant_s)
-        known = decay * late + (1.0 - decay - ramp) * before
+        gone, ramp = lag_shares(steps_s[k] / time_constant_s)
+        known = late + ((gone - ramp) * before - gone * late)
         out[k] = (values[k] - amplitude * known) / (1.0 + amplitude * ramp)
         late = known + ramp * out[k]
         before = out[k]

@@ -16,6 +16,17 @@ _DELAY_HEADER = 3  # count, elapsed time [s], reading place
 
 
 @compiled
+def lag_shares(ratio: float) -> tuple[float, float]:
+    """Return (gone, ramp) of a first-order lag over a step of ``ratio`` time constants, gone to the last digit.
+
+    output = output_before + (ramp * input_now + (gone - ramp) * input_before - gone * output_before): where a step is
+    a millionth of the time constant, weights that must add up to one would each lose what a million steps add up to.
+    """
+    gone = -math.expm1(-ratio)
+    return gone, lag_weights(ratio)[1]
+
+
+@compiled
 def lag_weights(ratio: float) -> tuple[float, float]:
     """Return (decay, ramp) of a first-order lag over a step of ``ratio`` time constants.
 
@@ -35,12 +46,12 @@ def run_lag(state: Array, time_constant_s: float, values: Array, steps_s: Array,
     """Fill ``out`` with the first-order lag of the values; state is (output, input) of the step before."""
     output, before = state[0], state[1]
     step = -1.0
-    decay, ramp = 0.0, 0.0
+    gone, ramp = 0.0, 0.0
     for k in range(values.size):
         if steps_s[k] != step:
             step = steps_s[k]
-            decay, ramp = lag_weights(step / time_constant_s)
-        output = decay * output + (1.0 - decay - ramp) * before + ramp * values[k]
+            gone, ramp = lag_shares(step / time_constant_s)
+        output = output + (ramp * values[k] + (gone - ramp) * before - gone * output)
         before = values[k]
         out[k] = output
     state[0], state[1] = output, before

@@ -14,7 +14,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.kernels import lag_shares
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
 _SERIES_LIMIT = 0.1  # of rate times step: below it the closed form of the ramp cancels
@@ -32,17 +32,17 @@ def run_modes(
 ) -> None:
     """Fill ``out`` with the response of real modes, shape (n_samples,); the state moves on."""
     n_modes = rates_per_s.size
-    decays, ramps = np.empty(n_modes), np.empty(n_modes)
+    gone, ramps = np.empty(n_modes), np.empty(n_modes)
     step = -1.0
     for k in range(values.size):
         if steps_s[k] != step:
             step = steps_s[k]
             for j in range(n_modes):
-                decays[j], ramps[j] = lag_weights(step * rates_per_s[j])
+                gone[j], ramps[j] = lag_shares(step * rates_per_s[j])
         before, now = state[0], values[k]
         total = through * now
         for j in range(n_modes):
-            mode = decays[j] * state[1 + j] + (1.0 - decays[j] - ramps[j]) * before + ramps[j] * now
+            mode = state[1 + j] + (ramps[j] * now + (gone[j] - ramps[j]) * before - gone[j] * state[1 + j])
             state[1 + j] = mode
             total += gains[j] * mode
         state[0] = now
@@ -55,18 +55,18 @@ def undo_modes(
 ) -> None:
     """Fill ``out`` with the input whose response ``run_modes`` is these values, exactly; the state moves on."""
     n_modes = rates_per_s.size
-    decays, ramps = np.empty(n_modes), np.empty(n_modes)
+    gone, ramps = np.empty(n_modes), np.empty(n_modes)
     step, share = -1.0, 1.0
     for k in range(values.size):
         if steps_s[k] != step:
             step, share = steps_s[k], through
             for j in range(n_modes):
-                decays[j], ramps[j] = lag_weights(step * rates_per_s[j])
+                gone[j], ramps[j] = lag_shares(step * rates_per_s[j])
                 share += gains[j] * ramps[j]
         before = state[0]
         known = 0.0
         for j in range(n_modes):
-            mode = decays[j] * state[1 + j] + (1.0 - decays[j] - ramps[j]) * before
+            mode = state[1 + j] + ((gone[j] - ramps[j]) * before - gone[j] * state[1 + j])
             state[1 + j] = mode
             known += gains[j] * mode
         now = (values[k] - known) / share

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.kernels import lag_shares
 from fomrc_core.effects.base.step_form import Fields, Number, lag_ramp
 
 Array = NDArray[np.float64]
@@ -98,6 +98,9 @@ def take_terms(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     return found
 
 
+_remembered, _factor_of = compiled(remembered), compiled(factor_of)
+
+
 @compiled
 def _advance_term(
     state: Array, at: int, power: float, lag_s: float, lag_power: float, threshold: float, x: float, step_s: float
@@ -107,19 +110,11 @@ def _advance_term(
     value = 1.0
     for _ in range(int(power)):
         value *= x
-    if lag_s > 0.0 and lag_power < 0.5:
-        decay, _ = lag_weights(step_s / lag_s)
-        state[at] = min(decay * state[at] + abs(x - state[at + 1]), MOST_PATH)
+    if lag_s > 0.0:
+        gone, ramp = lag_shares(step_s / lag_s)
+        state[at] = _remembered(lag_power, state[at], state[at + 1], gone, ramp, x)
         state[at + 1] = x
-        value *= state[at]
-    elif lag_s > 0.0:
-        decay, ramp = lag_weights(step_s / lag_s)
-        late = decay * state[at] + (1.0 - decay - ramp) * state[at + 1] + ramp * x
-        state[at] = late
-        state[at + 1] = x
-        value *= x - late
-        if lag_power > 1.5:
-            value *= x - late
+        value *= _factor_of(lag_power, state[at], x)
     if threshold > 0.0:
         play = min(max(state[at + 2], x - threshold), x + threshold)
         state[at + 2] = play
