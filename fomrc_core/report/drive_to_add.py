@@ -34,7 +34,8 @@ class DriveLimits:
     def __post_init__(self) -> None:
         for name in ("voltage_v", "rate_v_per_s", "time_s"):
             if not getattr(self, name) > 0.0:
-                raise ParameterError("not positive", where=name, value=getattr(self, name), allowed="more than 0")
+                where = f"largest {name}, --max-{name.split('_')[0]}"
+                raise ParameterError("not positive", where=where, value=getattr(self, name), allowed="more than 0")
 
 
 @dataclass(frozen=True)

@@ -196,7 +196,7 @@ while True:
     k += 1
     message.clock.sec, message.clock.nanosec = divmod(k * 5_000_000, 10**9)
     publisher.publish(message)
-    time.sleep(0.002)
+    time.sleep(0.001)
 """
 
 

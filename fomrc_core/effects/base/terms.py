@@ -123,6 +123,26 @@ def _advance_term(
 
 
 @compiled
+def _sum_of_terms(
+    state: Array,
+    weights: Array,
+    powers: Array,
+    lags_s: Array,
+    lag_powers: Array,
+    thresholds: Array,
+    x: float,
+    step_s: float,
+) -> float:
+    """Return all terms together [um], and move their states on."""
+    total = 0.0
+    for j in range(weights.size):
+        total += weights[j] * _advance_term(
+            state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x, step_s
+        )
+    return total
+
+
+@compiled
 def run_sum(
     state: Array,
     weights: Array,
@@ -137,11 +157,7 @@ def run_sum(
 ) -> None:
     """Fill ``out`` with the values and the terms of them [um]; the state moves on."""
     for k in range(values.size):
-        total = 0.0
-        for j in range(weights.size):
-            total += weights[j] * _advance_term(
-                state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], values[k] / span_um, steps_s[k]
-            )
+        total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, values[k] / span_um, steps_s[k])
         out[k] = values[k] + total
 
 
@@ -186,18 +202,7 @@ def invert_terms(
         # a contraction, for the terms are less steep than the displacement
         for _ in range(_N_TURNS):
             state[:] = before
-            total = 0.0
-            for j in range(weights.size):
-                total += weights[j] * _advance_term(
-                    state,
-                    N_STATE * j,
-                    powers[j],
-                    lags_s[j],
-                    lag_powers[j],
-                    thresholds[j],
-                    found / span_um,
-                    steps_s[k],
-                )
+            total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, found / span_um, steps_s[k])
             moved = values[k] - total
             is_still = abs(moved - found) <= 1e-15 * span_um
             found = moved
