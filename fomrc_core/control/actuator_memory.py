@@ -20,6 +20,8 @@ _FURTHEST_UM = 1e5
 # While the compensator was down the target counts as held: this long at full rate, then in growing steps.
 _UNIFORM_AGING_S = 5.0
 _AGING_GROWTH = 1.01
+# Less than this of a period is rounding.
+_PART_OF_PERIOD = 1e-6
 
 
 def hysteresis_input(compensator: Compensator, state: ModelState) -> float:
@@ -100,6 +102,18 @@ def aging_steps(down_time_s: float, period_s: float) -> list[float]:
         step = min(step * _AGING_GROWTH, left) if n_uniform else min(step, left)
         steps.append(step)
         left -= step
+    return steps
+
+
+def pause_steps(pause_s: float, period_s: float) -> list[float]:
+    """Return steps that add up to a time [s] at a held voltage: one period at first, then each twice the last."""
+    steps, left_s, step_s = [], pause_s, period_s
+    while left_s > _PART_OF_PERIOD * period_s:
+        # What would be left of less than this step goes with it.
+        step_s = left_s if left_s < 2.0 * step_s else step_s
+        steps.append(step_s)
+        left_s -= step_s
+        step_s *= 2.0
     return steps
 
 

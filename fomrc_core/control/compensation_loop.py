@@ -9,10 +9,10 @@ from enum import Enum
 
 from fomrc_core.control.actuator_memory import (
     ActuatorMemory,
-    aging_steps,
     carried,
     carries_exactly,
     displacement_for_voltage,
+    pause_steps,
 )
 from fomrc_core.control.target_history import MemoryReplay, TargetHistory
 from fomrc_core.control.voltage_limits import VoltageLimits
@@ -21,7 +21,8 @@ from fomrc_core.model.compensator import Compensator
 
 # Part of a period that catching up with a changed model may take from each tick.
 _REPLAY_SHARE = 0.3
-_LONG_PAUSE_PERIODS = 50
+# A tick has not come late before so many periods have passed; the grid rounds to whole ones.
+_LATE_PERIODS = 1.5
 
 
 class Activity(Enum):
@@ -96,6 +97,8 @@ class CompensationLoop:
         self.followed_um = 0.0
         self.cross = math.nan
         self._shortfall_um = 0.0
+        # What slew limits go by: the time since the last voltage, whatever of it the memory has sat out.
+        self._reach_s = settings.period_s
         self.is_discontinuous = True
         self._target_age_s = 0.0
         self._replay: MemoryReplay | None = None
@@ -198,20 +201,29 @@ class CompensationLoop:
     def _begin_tick(self, step_s: float) -> float:
         self.age_s += step_s
         self._target_age_s += step_s
-        if step_s > _LONG_PAUSE_PERIODS * self.settings.period_s:
-            step_s = self._sit_out(step_s)
+        self._reach_s = step_s
+        if step_s > _LATE_PERIODS * self.settings.period_s:
+            self._sit_out(step_s - self.settings.period_s)
+            step_s = self.settings.period_s
         if self._replay is not None:
             self._work_on_replay()
         return step_s
 
-    def _sit_out(self, pause_s: float) -> float:
-        # Nothing was driven for a while (inactive, suspended): the actuator rested where it was, and crept.
-        steps = aging_steps(pause_s, self.settings.period_s)
-        for step_s in steps[:-1]:
-            self.memory.advance(self.compensator, self.followed_um, step_s, self.cross)
-            self._history.append(step_s, self.followed_um, self.cross)
-            self._history.mark(self.compensator, self.memory)
-        return steps[-1]
+    def _sit_out(self, pause_s: float) -> None:
+        """Let the memory follow a time in which nothing was driven: a late tick, inactive, suspended.
+
+        The amplifier held its voltage, so that the actuator crept; a target that was to be followed meanwhile it has
+        not followed. Creep runs by the logarithm of time: steps that double lose nothing of it.
+        """
+        # Not where nothing was driven yet, nor where a changed model takes the voltage to be further than it is.
+        is_held = self.has_driven and not self._is_catching_up
+        for step_s in pause_steps(pause_s, self.settings.period_s):
+            if is_held:
+                self._apply(self.voltage_v, step_s)
+            else:
+                self.memory.advance(self.compensator, self.followed_um, step_s, self.cross)
+                self._history.append(step_s, self.followed_um, self.cross)
+                self._history.mark(self.compensator, self.memory)
 
     def _rest(self, step_s: float) -> float | None:
         # Without a target nothing is driven, but what was must not stay beyond limits narrowed since.
@@ -226,13 +238,13 @@ class CompensationLoop:
 
     def _ramp(self, step_s: float) -> float:
         self.activity = Activity.RAMPING
-        return self._apply(self.settings.limits.ramp_to_safe(self.voltage_v, step_s), step_s)
+        return self._apply(self.settings.limits.ramp_to_safe(self.voltage_v, self._reach_s), step_s)
 
     def tick_to(self, goal_v: float, step_s: float) -> float:
         """Return the voltage [V] nearest to one somebody else asks for; the memory follows."""
         step_s = self._begin_tick(step_s)
         self.activity = Activity.BORROWED
-        return self._apply(self.settings.limits.approach(self.voltage_v, goal_v, step_s), step_s)
+        return self._apply(self.settings.limits.approach(self.voltage_v, goal_v, self._reach_s), step_s)
 
     def _tick_routine(self, routine: Iterator[float], step_s: float) -> float:
         self.activity = Activity.ROUTINE
@@ -241,7 +253,7 @@ class CompensationLoop:
             self._routine = None
             self.set_relaxed()
             return self.voltage_v
-        return self._apply(self.settings.limits.approach(self.voltage_v, wanted, step_s), step_s)
+        return self._apply(self.settings.limits.approach(self.voltage_v, wanted, self._reach_s), step_s)
 
     def _tick_tracking(self, target_um: float, step_s: float) -> float:
         limits = self.settings.limits
@@ -253,7 +265,7 @@ class CompensationLoop:
             self.memory.state = before
             self.voltage_v = limits.clamp(self.voltage_v)
             return self.voltage_v
-        voltage = limits.approach(self.voltage_v, wanted, step_s)
+        voltage = limits.approach(self.voltage_v, wanted, self._reach_s)
         is_clamped = limits.clamp(wanted) != wanted
         if voltage == wanted or is_clamped:
             self._is_catching_up = False

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_model import MODEL, compensator_of
 
-from fomrc_core.control.actuator_memory import aging_steps
+from fomrc_core.control.actuator_memory import aging_steps, pause_steps
 from fomrc_core.control.compensation_loop import Activity, CompensationLoop, LoopSettings
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.control.voltage_limits import VoltageLimits
@@ -92,3 +94,32 @@ def test_aging_adds_up():
         steps = aging_steps(down_time_s, PERIOD_S)
         assert abs(sum(steps) - down_time_s) < 1e-5 * max(down_time_s, 0.1)
         assert len(steps) < 7000
+
+
+def test_a_pause_adds_up():
+    for pause_s in (0.9e-3, 1e-3, 2e-3, 0.0499, 3.0, 86400.0, 1e7):
+        steps = pause_steps(pause_s, PERIOD_S)
+        assert sum(steps) == pytest.approx(pause_s, rel=1e-9)
+        assert len(steps) < 40
+
+
+@pytest.mark.parametrize("pause_s", [0.002, 0.02, 0.3, 20.0, 5000.0])
+def test_held_up_after_a_jump_it_knows_where_the_actuator_crept(pause_s):
+    """The voltage is held while the node is held up: the actuator creeps, and does not follow its target."""
+    loop = loop_of(slew_v_per_s=5000.0)
+    loop.settings = replace(loop.settings, stale_after_s=0.0)
+    plant = PiezoModel.from_mapping(MODEL)
+    state = plant.initial_state()
+    errors_um = []
+    # The truth moves by fine steps, the same in each decade of the time since it was last driven.
+    fine_s = np.diff(np.concatenate([[0.0], np.geomspace(1e-6, pause_s, 2000)]))
+    for k, wanted_um in enumerate([0.0] * 20 + [1.5] * 40 + [0.0] * 200):
+        loop.set_target(wanted_um)
+        is_late = k == 23
+        if is_late:
+            for step_s in fine_s:
+                plant.advance(state, loop.voltage_v, float(step_s))
+        voltage_v = loop.tick(pause_s + PERIOD_S if is_late else PERIOD_S)
+        errors_um.append(plant.advance(state, voltage_v, PERIOD_S) - wanted_um)
+    print(pause_s, np.abs(errors_um[24:]).max(), abs(errors_um[23]))
+    assert np.abs(errors_um).max() < 2e-3
