@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 # Where no voltage comes, the last one holds; so long is waited for it.
 _PATIENCE_S = 0.5
+# A voltage is late where so many periods have passed since the last one.
+_LATE_PERIODS = 1.5
 # A longer silence of the sensor begins a new record.
 LONGEST_GAP_S = 1.0
 
@@ -40,10 +42,11 @@ class StageStream:
 
     Args:
         lag_s: how long after a voltage was sent the displacement it makes is told [s].
+        period_s: nominal period of the voltages [s]; one that came later than that was held until then.
     """
 
-    def __init__(self, lag_s: float) -> None:
-        self._lag_s = lag_s
+    def __init__(self, lag_s: float, period_s: float) -> None:
+        self._lag_s, self._period_s = lag_s, period_s
         self._sent = np.zeros((0, 2))
         self._seen = np.zeros((0, 2))
         self._last_s = np.nan
@@ -56,7 +59,9 @@ class StageStream:
             seen: times [s] and displacements [um], shape (m, 2), in order.
             now_s: the time now [s].
         """
-        self._sent = np.concatenate((self._sent, sent.reshape(-1, 2)))
+        # From the last one that is known already, so that a late voltage is seen to be late.
+        sent = np.concatenate((self._sent[-1:], sent.reshape(-1, 2)))
+        self._sent = np.concatenate((self._sent[:-1], with_held_voltages(sent, self._period_s)))
         self._seen = np.concatenate((self._seen, seen.reshape(-1, 2)))
         if not self._sent.size or not self._seen.size:
             return []
@@ -87,3 +92,15 @@ class StageStream:
                 steps[0] = usual_s
             found.append(Samples(done[part, 0], steps, voltage_v[part], done[part, 1], begins_anew))
         return found
+
+
+def with_held_voltages(sent: Array, period_s: float) -> Array:
+    """Return voltages with one more before each that came late: until a period before it the last one was held.
+
+    Args:
+        sent: times [s] and voltages [V], shape (n, 2), in order.
+        period_s: nominal period [s].
+    """
+    late = np.flatnonzero(np.diff(sent[:, 0]) > _LATE_PERIODS * period_s) + 1
+    held = np.column_stack((sent[late, 0] - period_s, sent[late - 1, 1]))
+    return np.asarray(np.insert(sent, late, held, axis=0))
