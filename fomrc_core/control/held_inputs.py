@@ -13,8 +13,9 @@ def held_inputs(
 ) -> list[tuple[float, float]]:
     """Return (input, duration [s]) of the parts of a step, each held until the next was sent.
 
-    A step of one period has one part, with the input sent last: the jitter of messages is none of the stage's. One
-    that made up for periods missed is cut into whole periods, for the stage moved on while nobody looked.
+    A step of one period ends with the input sent last: the jitter of messages is none of the stage's. Where more than
+    one came they share it, for a stage with hysteresis remembers the furthest of them however short it was. A step that
+    made up for periods missed is cut into whole periods, for the stage moved on while nobody looked.
 
     Args:
         before: input held before the step.
@@ -24,18 +25,20 @@ def held_inputs(
         period_s: nominal period [s].
     """
     n_periods = round(step_s / period_s)
-    last = sent[-1][1] if sent else before
     if n_periods <= 1 or not sent or n_periods > _MOST_PERIODS:
-        return [(last, step_s)]
+        values = [value for _, value in sent] or [before]
+        return [(value, step_s / len(values)) for value in values]
     parts: list[tuple[float, float]] = []
     held, at, n_sent = before, 0, len(sent)
     for k in range(1, n_periods + 1):
         end_s = now_s - (n_periods - k) * period_s
+        first = at
         while at < n_sent and (sent[at][0] <= end_s or k == n_periods):
-            held = sent[at][1]
             at += 1
-        if parts and parts[-1][0] == held:
+        values = [value for _, value in sent[first:at]] or [held]
+        held = values[-1]
+        if len(values) == 1 and parts and parts[-1][0] == held:
             parts[-1] = (held, parts[-1][1] + period_s)
         else:
-            parts.append((held, period_s))
+            parts += [(value, period_s / len(values)) for value in values]
     return parts
