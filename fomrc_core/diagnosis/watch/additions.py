@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.diagnosis.watch.hypothesis import HOPELESS, REFINE_TOLERANCE, Hypothesis, moments
+from fomrc_core.diagnosis.watch.hypothesis import HOPELESS, REFINE_TOLERANCE, Hypothesis, moments, sharpened
 from fomrc_core.diagnosis.watch.window import Window
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
@@ -51,13 +51,24 @@ def additions(window: Window, since_s: float) -> Iterator[Hypothesis]:
                 moved = _sized(window, effect, other)
                 if moved is not None and moved[0] < trial[0]:
                     trial, first = moved, other
-            _, effect, change_um = _refined(window, trial, first)
+            first = _moment_of(window, trial[1], first) if first > 0 else 0
+            _, effect, change_um = _refined(window, _sized(window, effect, first) or trial, first)
         is_kept = effect.can_invert and not effect.is_record_bound
         values = {name: value for name, value in effect.to_mapping().items() if isinstance(value, float)}
         n_parameters = max(len(effect.free_names()), 1) + len(effect.held_parameters)
         model = window.model.with_effects(effect) if is_kept else None
         began_s = float(window.time_s[first]) if first else since_s
         yield Hypothesis(effect.name, values, n_parameters, change_um, model, began_s, is_addition=True)
+
+
+def _moment_of(window: Window, effect: Effect, first: int) -> int:
+    """Return the sample, near the best that was tried, at which an effect that begins there fits best."""
+
+    def error(moment_s: float) -> float:
+        sized = _sized(window, effect, window.index(moment_s))
+        return np.inf if sized is None else sized[0]
+
+    return window.index(sharpened(window, float(window.time_s[first]), error))
 
 
 def _best_trial(window: Window, kind: type[Effect], first: int) -> Trial | None:

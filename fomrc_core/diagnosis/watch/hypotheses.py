@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.watch.additions import additions
-from fomrc_core.diagnosis.watch.hypothesis import HOPELESS, REFINE_TOLERANCE, Hypothesis, moments
+from fomrc_core.diagnosis.watch.hypothesis import HOPELESS, REFINE_TOLERANCE, Hypothesis, moments, sharpened
 from fomrc_core.diagnosis.watch.loose_contact import lost_samples
 from fomrc_core.diagnosis.watch.window import Window
 from fomrc_core.effects import Effect
@@ -45,7 +45,8 @@ def hypotheses(window: Window, since_s: float) -> Iterator[Hypothesis]:
         window: the recent past under the model in force.
         since_s: when the change is thought to have begun, from the start of the window [s].
     """
-    yield from _gains(window, since_s)
+    yield _gain(window, since_s, SENSOR_SCALE, (0.0,))
+    yield _gain(window, since_s, AGEING, _AGEING_S)
     yield from _creep(window, since_s)
     yield from _own_parameters(window, since_s)
     yield from additions(window, since_s)
@@ -63,33 +64,32 @@ def _scaled_model(model: PiezoModel, factor: float) -> PiezoModel | None:
         return None
 
 
-def _gains(window: Window, since_s: float) -> Iterator[Hypothesis]:
-    """Yield a scale that changed at one moment, and one that drifts for a while; the moment is looked for."""
-    found: dict[str, tuple[float, Hypothesis]] = {}
-    for since in moments(window, since_s):
+def _gain(window: Window, since_s: float, cause: str, durations_s: tuple[float, ...]) -> Hypothesis:
+    """Return a scale that changes within one of some durations, 0 for at once; the moment is looked for."""
+
+    def fitted(since: float, lasts_s: float) -> tuple[float, float, Array, float]:
         after_s = np.maximum(window.time_s - since, 0.0)
-        for lasts_s in (0.0, *_AGEING_S):
-            course = np.minimum(after_s / lasts_s, 1.0) if lasts_s else (after_s > 0.0).astype(np.float64)
-            shape = course * window.predicted_um
-            size = window.amplitude(shape)
-            error = window.squared_error(size * shape)
-            cause = AGEING if lasts_s else SENSOR_SCALE
-            if cause in found and found[cause][0] <= error:
-                continue
-            values = {"relative_change": size * float(course[-1])}
-            if lasts_s:
-                values["duration_s"] = min(lasts_s, window.duration_s - since)
-            model = _scaled_model(window.model, 1.0 + values["relative_change"])
-            hypothesis = Hypothesis(cause, values, 3 if lasts_s else 2, size * shape, model, since)
-            found[cause] = (error, hypothesis)
-    yield from (hypothesis for _, hypothesis in found.values())
+        course = np.minimum(after_s / lasts_s, 1.0) if lasts_s else (after_s > 0.0).astype(np.float64)
+        shape = course * window.predicted_um
+        size = window.amplitude(shape)
+        return window.squared_error(size * shape), size, size * shape, float(course[-1])
+
+    pairs = [(since, lasts_s) for since in moments(window, since_s) for lasts_s in durations_s]
+    since, lasts_s = min(pairs, key=lambda pair: fitted(*pair)[0])
+    since = sharpened(window, since, lambda moment: fitted(moment, lasts_s)[0])
+    _, size, change_um, course_end = fitted(since, lasts_s)
+    values = {"relative_change": size * course_end}
+    if lasts_s:
+        values["duration_s"] = min(lasts_s, window.duration_s - since)
+    model = _scaled_model(window.model, 1.0 + values["relative_change"])
+    return Hypothesis(cause, values, 3 if lasts_s else 2, change_um, model, since)
 
 
 def _creep(window: Window, since_s: float) -> Iterator[Hypothesis]:
     """Yield a creep order that changed: what moves from then on creeps more, what moved before goes on as it did."""
     order = window.model.creep_order
-    best: tuple[float, Hypothesis] | None = None
-    for since in moments(window, since_s)[::2]:
+
+    def shape_since(since: float) -> Array | None:
         at = window.index(since)
         steps, drive = window.steps_s[at:], window.voltage_v[at:]
         past = Prehistory(float(drive[0]), float(drive[0]), _MOMENT_S, _LONG_S)
@@ -97,17 +97,26 @@ def _creep(window: Window, since_s: float) -> Iterator[Hypothesis]:
         try:
             shape = replace(plain, creep_order=order + _ORDER_CHANGE).simulate(steps, drive)
             shape = (shape - plain.simulate(steps, drive)) / _ORDER_CHANGE
-            whole = np.zeros(window.time_s.size)
-            whole[at:] = shape - shape[0]
-            size = window.amplitude(whole)
-            model = replace(window.model, creep_order=order + size)
         except ParameterError:
-            continue
-        error = window.squared_error(size * whole)
-        if best is None or error < best[0]:
-            best = error, Hypothesis(CREEP, {"creep_order": order + size}, 2, size * whole, model, since)
-    if best is not None:
-        yield best[1]
+            return None
+        whole = np.zeros(window.time_s.size)
+        whole[at:] = shape - shape[0]
+        return whole
+
+    def error(since: float) -> float:
+        shape = shape_since(since)
+        return np.inf if shape is None else window.squared_error(window.amplitude(shape) * shape)
+
+    since = sharpened(window, min(moments(window, since_s)[::2], key=error), error)
+    shape = shape_since(since)
+    if shape is None:
+        return
+    size = window.amplitude(shape)
+    try:
+        model = replace(window.model, creep_order=order + size)
+    except ParameterError:
+        return
+    yield Hypothesis(CREEP, {"creep_order": order + size}, 2, size * shape, model, since)
 
 
 def _own_parameters(window: Window, since_s: float) -> Iterator[Hypothesis]:

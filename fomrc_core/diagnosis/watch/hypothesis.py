@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,9 @@ from fomrc_core.model.piezo_model import PiezoModel
 
 # A change shows in motion: it may be as much older, or a little younger, than it seemed.
 _OLDER_S, _YOUNGER_S = 16.0, 4.0
+_MOMENT_STEP_S = 1.0
+# The moment of a change is found to such a part of what is known after it: its size is off by as much.
+_MOMENT_SHARE = 3e-3
 # Of what no change at all leaves: the error of a trial that cannot be.
 HOPELESS = 1e3
 REFINE_TOLERANCE = 2e-2
@@ -43,5 +46,22 @@ class Hypothesis:
 
 def moments(window: Window, since_s: float) -> list[float]:
     """Return when it may have begun: what shows in motion only may be older than it seems [s]."""
-    found = since_s + np.arange(-_OLDER_S, _YOUNGER_S + 0.1, 1.0)
+    found = since_s + np.arange(-_OLDER_S, _YOUNGER_S + 0.1, _MOMENT_STEP_S)
     return [float(m) for m in found if 0.0 <= m < window.duration_s - 1.0] or [since_s]
+
+
+def sharpened(window: Window, since_s: float, error: Callable[[float], float]) -> float:
+    """Return the moment near another one at which a change that begins there fits best [s].
+
+    Args:
+        window: the recent past.
+        since_s: best of ``moments``, within two seconds of the one looked for.
+        error: squared error of the change, fitted anew, that begins at a moment [s].
+    """
+    best, best_error, step_s = since_s, error(since_s), _MOMENT_STEP_S
+    while step_s > max(_MOMENT_SHARE * (window.duration_s - best), window.period_s):
+        for moment in (best - step_s, best + step_s):
+            if 0.0 <= moment < window.duration_s - 1.0 and (tried := error(moment)) < best_error:
+                best, best_error = moment, tried
+        step_s *= 0.5
+    return best
