@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 _PATIENCE_S = 0.5
 # A voltage is late where so many periods have passed since the last one.
 _LATE_PERIODS = 1.5
+# Displacements further apart than this, where a timer's jitter may leave one period out, had others between them.
+_LOST_PERIODS = 2.5
 # A longer silence of the sensor begins a new record.
 LONGEST_GAP_S = 1.0
 
@@ -26,7 +28,7 @@ class Samples:
         time_s: when each displacement was measured [s].
         steps_s: step that leads to each [s].
         voltage_v: voltage at that time [V].
-        displacement_um: displacement [um].
+        displacement_um: displacement [um]; not a number where it was lost, for the stage moved on there, too.
         begins_anew: whether a gap lies before the first one.
     """
 
@@ -43,10 +45,11 @@ class StageStream:
     Args:
         lag_s: how long after a voltage was sent the displacement it makes is told [s].
         period_s: nominal period of the voltages [s]; one that came later than that was held until then.
+        sample_period_s: nominal period of the displacements [s]; between two further apart some were lost.
     """
 
-    def __init__(self, lag_s: float, period_s: float) -> None:
-        self._lag_s, self._period_s = lag_s, period_s
+    def __init__(self, lag_s: float, period_s: float, sample_period_s: float) -> None:
+        self._lag_s, self._period_s, self._sample_period_s = lag_s, period_s, sample_period_s
         self._sent = np.zeros((0, 2))
         self._seen = np.zeros((0, 2))
         self._last_s = np.nan
@@ -72,10 +75,24 @@ class StageStream:
         done, self._seen = self._seen[first:n], self._seen[n:]
         if not done.size:
             return []
+        done = self._with_lost(done)
         voltage_v = np.interp(done[:, 0] - self._lag_s, self._sent[:, 0], self._sent[:, 1])
         still = int(np.searchsorted(self._sent[:, 0], done[-1, 0] - self._lag_s, side="right")) - 1
         self._sent = self._sent[max(still, 0) :]
         return self._split(done, voltage_v)
+
+    def _with_lost(self, done: Array) -> Array:
+        times_s = np.concatenate(([self._last_s], done[:, 0]))
+        gaps_s = np.diff(times_s)
+        lost = []
+        for k in np.flatnonzero((gaps_s > _LOST_PERIODS * self._sample_period_s) & (gaps_s <= LONGEST_GAP_S)):
+            n_parts = round(gaps_s[k] / self._sample_period_s)
+            lost.append(times_s[k] + gaps_s[k] * np.arange(1, n_parts) / n_parts)
+        if not lost:
+            return done
+        at_s = np.concatenate(lost)
+        whole = np.concatenate((done, np.column_stack((at_s, np.full(at_s.size, np.nan)))))
+        return np.asarray(whole[np.argsort(whole[:, 0], kind="stable")])
 
     def _split(self, done: Array, voltage_v: Array) -> list[Samples]:
         steps_s = np.diff(done[:, 0], prepend=self._last_s)

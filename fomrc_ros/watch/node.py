@@ -163,8 +163,8 @@ class WatchNode(Node):
         self._waiting = sent, seen
         if len(sent) < 2 or len(seen) < 2 or np.ptp(sent[:, 1]) < _LEAST_MOTION_V or np.ptp(seen[:, 0]) < _LAG_S:
             return
-        period_s = float(np.median(np.diff(sent[:, 0])))
-        self._stream = StageStream(best_lag_s(sent, seen, period_s), period_s)
+        period_s, sample_period_s = (float(np.median(np.diff(heard[:, 0]))) for heard in (sent, seen))
+        self._stream = StageStream(best_lag_s(sent, seen, period_s), period_s, sample_period_s)
         self._stream.add(sent, seen, float(seen[-1, 0]))
         self._waiting = np.zeros((0, 2)), np.zeros((0, 2))
 

@@ -165,7 +165,7 @@ class ModelWatch:
         Args:
             steps_s: step that leads to each sample [s], shape (n_samples,).
             voltage_v: drive [V], shape (n_samples,).
-            displacement_um: measured displacement [um], shape (n_samples,).
+            displacement_um: measured displacement [um], shape (n_samples,); not a number where it was lost.
 
         Raises:
             ParameterError: lengths that differ, values that are not finite.
@@ -173,7 +173,7 @@ class ModelWatch:
         given = tuple(np.asarray(v, dtype=np.float64) for v in (steps_s, voltage_v, displacement_um))
         if len({v.shape for v in given}) != 1 or given[0].ndim != 1:
             raise ParameterError("do not fit", where="voltage_v, displacement_um", allowed="shape (n_samples,) each")
-        if not all(np.all(np.isfinite(v)) for v in given):
+        if not (np.all(np.isfinite(given[0])) and np.all(np.isfinite(given[1])) and not np.any(np.isinf(given[2]))):
             raise ParameterError("not finite", where="voltage_v, displacement_um", allowed="finite")
         self._waiting.append((given[0], given[1], given[2]))
         self._n_waiting += given[0].size
@@ -218,7 +218,8 @@ class ModelWatch:
         self._statistics = BlockStatistics(self.period_s, self._n_block, self._fit_rms_um)
 
     def _begin(self, steps_s: Array, voltage_v: Array, moved_um: Array) -> None:
-        record = Recording(np.cumsum(steps_s) - steps_s[0], voltage_v, moved_um, name="start of the watch")
+        time_s = np.cumsum(steps_s) - steps_s[0]
+        record = Recording(time_s, voltage_v, _with_lost_filled(time_s, moved_um), name="start of the watch")
         self._model_state = estimate_start(self.model, record).state
         if self.state is WatchState.STARTING:
             self.state = WatchState.LEARNING
@@ -239,8 +240,11 @@ class ModelWatch:
 
     def _stride(self, steps_s: Array, voltage_v: Array, moved_um: Array) -> Alarm | None:
         assert self._model_state is not None
-        self.past.add(self.time_s, steps_s, voltage_v, moved_um, self._model_state)
+        before = self._model_state.copy()
         predicted_um = self.model.simulate(steps_s, voltage_v, self._model_state)
+        # What was lost speaks neither for nor against the model.
+        moved_um = predicted_um + _with_lost_filled(np.cumsum(steps_s), moved_um - predicted_um)
+        self.past.add(self.time_s, steps_s, voltage_v, moved_um, before)
         durations_s = steps_s.reshape(-1, self._n_block).sum(axis=1)
         ends_s = self.time_s + np.cumsum(durations_s)
         self.time_s = float(ends_s[-1])
@@ -299,3 +303,13 @@ class ModelWatch:
         )
         self._learn_anew()
         return alarm
+
+
+def _with_lost_filled(time_s: Array, values: Array) -> Array:
+    """Return values with those that are not numbers on straight lines between the others, zero without any."""
+    is_lost = np.isnan(values)
+    if not np.any(is_lost):
+        return values
+    if np.all(is_lost):
+        return np.zeros(values.size)
+    return np.asarray(np.interp(time_s, time_s[~is_lost], values[~is_lost]))

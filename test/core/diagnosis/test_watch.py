@@ -117,6 +117,23 @@ def test_work_other_than_the_calibration_is_silent(fitted, stage):
     assert watch.past.recording().time_s[-1] < SETTINGS.memory_s + 15.0, "what is kept of the past is bounded"
 
 
+def test_lost_displacements_are_no_change(fitted, stage):
+    def lost(moved, time_s):
+        return np.where((time_s > NORMAL_S) & (time_s % 7.0 < 0.8), np.nan, moved)
+
+    _, alarms, _ = watched(fitted, stage, 1, lost)
+    assert alarms == []
+
+
+@pytest.mark.parametrize("at_s", [NORMAL_S + 0.5, NORMAL_S + 3.3])
+def test_the_moment_of_a_change_does_not_shift_its_size(fitted, stage, at_s):
+    _, _, case = watched(fitted, stage, 2, lambda x, t: np.where(t > at_s, 0.8 * x, x))
+    found = name_case(case)
+    assert found.cause == "sensor_scale"
+    assert found.named[0].parameters["relative_change"] == pytest.approx(-0.2, rel=0.01)
+    assert case.began_s + found.since_s == pytest.approx(at_s, abs=0.2)
+
+
 @pytest.mark.parametrize(
     ("spoil", "cause"),
     [
@@ -152,6 +169,8 @@ def test_settings_that_make_no_sense_are_refused(change, said):
 def test_what_is_no_number_is_refused(fitted):
     watch = ModelWatch(fitted.model, 0.01)
     with pytest.raises(ParameterError, match="not finite"):
-        watch.take(np.full(3, 0.01), np.zeros(3), np.array([0.0, np.nan, 0.0]))
+        watch.take(np.full(3, 0.01), np.zeros(3), np.array([0.0, np.inf, 0.0]))
+    with pytest.raises(ParameterError, match="not finite"):
+        watch.take(np.full(3, 0.01), np.array([0.0, np.nan, 0.0]), np.zeros(3))
     with pytest.raises(ParameterError, match="do not fit"):
         watch.take(np.full(3, 0.01), np.zeros(2), np.zeros(3))
