@@ -28,7 +28,8 @@ from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_
 from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
-from fomrc_core.diagnosis.search import SearchResult, Step, search
+from fomrc_core.diagnosis.search import SearchResult, search
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
@@ -227,7 +228,7 @@ def _result(
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
     findings = with_probabilities(findings, judgement, tuple(tied))
-    status = judgement.status(len(findings), bool(tied))
+    status = judgement.status([finding.probability for finding in findings], bool(tied))
     tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)

@@ -11,7 +11,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.screening import Screened
-from fomrc_core.diagnosis.search import Step
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel

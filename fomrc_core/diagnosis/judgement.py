@@ -60,14 +60,21 @@ class Judgement:
     dependences: tuple[Dependence, ...]
     reasons: tuple[str, ...]
 
-    def status(self, n_findings: int, is_tied: bool) -> Status:
-        """Return the word for it, with this number of causes found, and whether the last has an equal."""
-        if n_findings == 0:
+    def status(self, probabilities: Sequence[float], is_tied: bool) -> Status:
+        """Return the word for it.
+
+        Args:
+            probabilities: of each cause found, that it is the cause.
+            is_tied: whether one of them has an equal.
+        """
+        if not probabilities:
             return Status.NOTHING_FOUND if self.is_noise else Status.UNEXPLAINED
         if is_tied:
             return Status.AMBIGUOUS
         little_left = self.unexplained_share <= _MOST_UNEXPLAINED
-        return Status.EXPLAINED if self.is_noise and little_left else Status.SUSPECT
+        # nothing is explained by a name that is likelier wrong than right, however little it leaves
+        is_believed = min(probabilities) >= 0.5
+        return Status.EXPLAINED if self.is_noise and little_left and is_believed else Status.SUSPECT
 
 
 def judge(

@@ -10,7 +10,7 @@ import numpy as np
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score
-from fomrc_core.diagnosis.search import Step
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.fitting.element_fit import fit_elements, trial_of
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.linear_part import residuals, squared_error

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit
-from fomrc_core.diagnosis.search import Step
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import tangent

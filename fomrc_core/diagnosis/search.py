@@ -21,9 +21,11 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
 )
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.last_look import looked_at_last
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -33,31 +35,6 @@ _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
 _AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
 _PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One acceptance.
-
-    Attributes:
-        before: the model before it.
-        accepted: the candidate.
-        tied: causes it could not be told from.
-        tied_models: the models with those.
-        rivals: candidates that did nearly as well while other causes were still unexplained.
-        margin: by how much it was likelier than the next, in log likelihood [1].
-    """
-
-    before: TrialModel
-    accepted: Candidate
-    tied: tuple[str, ...]
-    tied_models: tuple[TrialModel, ...]
-    rivals: tuple[Candidate, ...] = ()
-    margin: float = 0.0
-
-    def tied_with(self, tied: list[Candidate]) -> Step:
-        """Return the step with these ties."""
-        return replace(self, tied=tuple(c.cause for c in tied), tied_models=tuple(c.fitted.model for c in tied))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +73,7 @@ def search(
     """
     final = refit(start, split.train, n_iterations=2)
     state = _SearchState(final.model, (), final, frozenset())
+    runner_up: Candidate | None = None
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
@@ -103,13 +81,13 @@ def search(
         wanted = tuple(name for name in causes if name not in state.tried)
         screened = screen(present, wanted, held_view(state.model, split), executor)
         if len(state.steps) >= MAX_FINDINGS:
-            return SearchResult(state.model, state.steps, state.final, screened, None)
+            break
         tell(share + 0.05, "refit of the likely causes")
         candidates = candidates_for(present, split, screened, executor)
         chosen = _chosen(state, candidates, split, wanted, len(causes), executor)
         if chosen is None:
             runner_up = candidates[0] if candidates else None
-            return SearchResult(state.model, state.steps, state.final, screened, runner_up)
+            break
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         state = _with_finding(state, accepted, candidates, split, executor)
@@ -122,7 +100,9 @@ def search(
             final = fit_until_still(rival.fitted.model, split.train, executor)
             tried = frozenset(step.accepted.cause for step in steps)
             state = _SearchState(follow_held(final.model, split), steps, final, tried)
-    return SearchResult(state.model, state.steps, state.final, screened, None)
+    tell(0.95, "other causes in the place of those found")
+    steps = looked_at_last(state.steps, state.final, split, causes, executor) if split.is_telling else state.steps
+    return SearchResult(state.model, steps, state.final, screened, runner_up)
 
 
 @dataclass(frozen=True, eq=False)

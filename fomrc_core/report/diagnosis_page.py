@@ -27,7 +27,8 @@ padding:.2rem 1.2rem 1rem;margin:1rem 0}.cause h3{margin:.7rem 0 .3rem;font-size
 """
 _VERDICTS = {
     "explained": "Explained: with what was found every record agrees with the model to within 1.5 times the noise.",
-    "suspect": "Suspect: causes are named, but something is left that they do not explain.",
+    "suspect": "Suspect: causes are named, but something is left that they do not explain, or one is no likelier than "
+    "another.",
     "ambiguous": "Ambiguous: this data cannot tell some causes from each other.",
     "unexplained": "Unexplained: the simulation is wrong by more than noise, and no known cause explains it.",
     "nothing_found": "Nothing found: hysteresis and creep explain every record to within 1.5 times the noise.",

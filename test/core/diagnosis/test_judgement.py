@@ -15,9 +15,11 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
     found = judge(1.0, True, 5.0, 1.05, 1.1, _NOTHING)
     assert found.is_noise
     assert found.reasons == ()
-    assert found.status(1, False) is Status.EXPLAINED
-    assert found.status(1, True) is Status.AMBIGUOUS
-    assert found.status(0, False) is Status.NOTHING_FOUND
+    assert found.status([0.9], False) is Status.EXPLAINED
+    assert found.status([0.9, 0.5], False) is Status.EXPLAINED
+    assert found.status([0.9, 0.49], False) is Status.SUSPECT, "a name likelier wrong than right explains nothing"
+    assert found.status([0.9], True) is Status.AMBIGUOUS
+    assert found.status([], False) is Status.NOTHING_FOUND
 
 
 @pytest.mark.parametrize(
@@ -32,26 +34,26 @@ def test_each_thing_that_speaks_against_noise_is_said(after_um, worst_um, tests,
     found = judge(1.0, True, 5.0, after_um, worst_um, tests)
     assert not found.is_noise
     assert any(said in reason for reason in found.reasons)
-    assert found.status(1, False) is Status.SUSPECT
-    assert found.status(0, False) is Status.UNEXPLAINED
+    assert found.status([0.9], False) is Status.SUSPECT
+    assert found.status([], False) is Status.UNEXPLAINED
 
 
 def test_slow_noise_that_no_repeat_shows_is_noise_all_the_same():
     # fourth differences see a third of it; nothing of the rest follows the drive
     found = judge(0.3, False, 1.02, 1.0, 1.0, _NOTHING)
-    assert found.status(0, False) is Status.NOTHING_FOUND
+    assert found.status([], False) is Status.NOTHING_FOUND
     assert found.noise_um == pytest.approx(1.0)
     # and where a third of its power follows the rate, two thirds are noise
     found = judge(0.3, False, 5.0, 1.0, 1.0, _RATE)
     assert found.noise_um == pytest.approx(0.7**0.5)
-    assert found.status(1, False) is Status.SUSPECT
+    assert found.status([0.9], False) is Status.SUSPECT
 
 
 def test_little_explained_is_never_explained():
     found = judge(1.0, True, 1.3, 1.19, 1.19, _NOTHING)
     assert found.is_noise
     assert found.unexplained_share == pytest.approx((1.19**2 - 1.0) / (1.3**2 - 1.0))
-    assert found.status(1, False) is Status.SUSPECT
+    assert found.status([0.9], False) is Status.SUSPECT
 
 
 def test_what_weights_learned_from_noise_err_is_no_cause():

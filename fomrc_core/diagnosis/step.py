@@ -1,0 +1,33 @@
+"""One acceptance of a search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.fitting.trial_model import TrialModel
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One acceptance.
+
+    Attributes:
+        before: the model before it.
+        accepted: the candidate.
+        tied: causes it could not be told from.
+        tied_models: the models with those.
+        rivals: candidates that did nearly as well while other causes were still unexplained.
+        margin: by how much it was likelier than the next, in log likelihood [1].
+    """
+
+    before: TrialModel
+    accepted: Candidate
+    tied: tuple[str, ...]
+    tied_models: tuple[TrialModel, ...]
+    rivals: tuple[Candidate, ...] = ()
+    margin: float = 0.0
+
+    def tied_with(self, tied: list[Candidate]) -> Step:
+        """Return the step with these ties."""
+        return replace(self, tied=tuple(c.cause for c in tied), tied_models=tuple(c.fitted.model for c in tied))
