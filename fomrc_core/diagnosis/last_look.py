@@ -7,22 +7,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from fomrc_core.diagnosis.candidate import candidates_for, held_view
+from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import margin_of, ties_of
+from fomrc_core.diagnosis.decision import SURE, is_accepted, margin_of, sure_gain, ties_of
+from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.model.causes import cause_classes
 
+# In the logarithm of the mean squared error on held-out data: less is no difference from one stretch to another.
+_BETTER = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class LastLook:
+    """What came of it.
+
+    Attributes:
+        steps: the acceptances, each but the last with the causes that do as well in its place.
+        better: place of an acceptance and the candidate that surely does better in it, None where there is none.
+    """
+
+    steps: tuple[Step, ...]
+    better: tuple[int, Candidate] | None
+
 
 def looked_at_last(
     steps: Sequence[Step], final: Refit, split: DataSplit, causes: Sequence[str], executor: Executor | None
-) -> tuple[Step, ...]:
-    """Return the acceptances, each but the last with the causes that do as well in its place at the end.
+) -> LastLook:
+    """Return the acceptances beside those that might stand in their places at the end.
 
     Args:
         steps: acceptances that stand, in order.
@@ -31,26 +48,37 @@ def looked_at_last(
         causes: names to try.
         executor: runs refits side by side where given.
     """
-    return (*(_looked_at(step, steps, final, split, causes, executor) for step in steps[:-1]), *steps[-1:])
+    held = held_residuals(final.model, split.held)
+    found = frozenset(step.accepted.cause for step in steps)
+    looked = [step.tied_but_for(found) for step in steps]
+    for at, step in enumerate(steps[:-1]):
+        name = step.accepted.cause
+        if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
+            continue
+        candidates = _in_place_of(name, steps, final, split, causes, executor)
+        for other in candidates:
+            if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
+                continue
+            if held_out_score(held, list(other.held)).log_gain > _BETTER:
+                return LastLook(tuple(steps), (at, other))
+        own = replace(step.accepted, fitted=final, held=tuple(held))
+        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin_of(own, candidates, split))
+    return LastLook(tuple(looked), None)
 
 
-def _looked_at(
-    step: Step,
+def _in_place_of(
+    name: str,
     steps: Sequence[Step],
     final: Refit,
     split: DataSplit,
     causes: Sequence[str],
     executor: Executor | None,
-) -> Step:
-    name = step.accepted.cause
-    if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
-        return step
-    found = {other.accepted.cause for other in steps}
+) -> list[Candidate]:
+    """Return the candidates for what is left without a cause, beside all the others."""
+    # Six arguments: one search, looked at from within.
+    found = {step.accepted.cause for step in steps}
     lesser = refit(final.model.without(name), split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)
     wanted = tuple(cause for cause in causes if cause not in found)
     screened = screen(present, wanted, held_view(lesser, split), executor)
-    candidates = candidates_for(present, split, screened, executor)
-    own = replace(step.accepted, fitted=final, held=tuple(held_residuals(final.model, split.held)))
-    found_again = step.tied_with(ties_of(own, candidates, split))
-    return replace(found_again, margin=margin_of(own, candidates, split))
+    return candidates_for(present, split, screened, executor)

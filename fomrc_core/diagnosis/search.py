@@ -21,7 +21,7 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
 )
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
-from fomrc_core.diagnosis.last_look import looked_at_last
+from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
@@ -73,36 +73,33 @@ def search(
     """
     final = refit(start, split.train, n_iterations=2)
     state = _SearchState(final.model, (), final, frozenset())
-    runner_up: Candidate | None = None
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
         present = PresentModel.of(state.model, split)
         wanted = tuple(name for name in causes if name not in state.tried)
         screened = screen(present, wanted, held_view(state.model, split), executor)
-        if len(state.steps) >= MAX_FINDINGS:
-            break
-        tell(share + 0.05, "refit of the likely causes")
-        candidates = candidates_for(present, split, screened, executor)
-        chosen = _chosen(state, candidates, split, wanted, len(causes), executor)
+        candidates, chosen = [], None
+        if len(state.steps) < MAX_FINDINGS:
+            tell(share + 0.05, "refit of the likely causes")
+            candidates = candidates_for(present, split, screened, executor)
+            chosen = _chosen(state, candidates, split, wanted, len(causes), executor)
         if chosen is None:
-            runner_up = candidates[0] if candidates else None
-            break
+            tell(share + 0.07, "other causes in the place of those found")
+            look = _last_look(state, split, causes, executor)
+            if look.better is None or number == _MAX_ROUNDS - 1:
+                runner_up = candidates[0] if candidates else None
+                return SearchResult(state.model, look.steps, state.final, screened, runner_up)
+            state = _with_rival(state, *look.better, split, executor, tell, share)
+            continue
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         state = _with_finding(state, accepted, candidates, split, executor)
         better = _better_rival(state, split, causes, executor)
         if better is not None:
-            # with what was found since, another cause does better in its place: go on from there
-            at, rival = better
-            tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
-            steps = (*state.steps[:at], Step(state.steps[at].before, rival, (), ()))
-            final = fit_until_still(rival.fitted.model, split.train, executor)
-            tried = frozenset(step.accepted.cause for step in steps)
-            state = _SearchState(follow_held(final.model, split), steps, final, tried)
-    tell(0.95, "other causes in the place of those found")
-    steps = looked_at_last(state.steps, state.final, split, causes, executor) if split.is_telling else state.steps
-    return SearchResult(state.model, steps, state.final, screened, runner_up)
+            state = _with_rival(state, *better, split, executor, tell, share)
+    look = _last_look(state, split, causes, executor)
+    return SearchResult(state.model, look.steps, state.final, screened, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +110,30 @@ class _SearchState:
     steps: tuple[Step, ...]
     final: Refit
     tried: frozenset[str]
+
+
+def _last_look(state: _SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None) -> LastLook:
+    if not split.is_telling:  # a loop that only repeats: whatever did nearly as well is tied already
+        return LastLook(state.steps, None)
+    return looked_at_last(state.steps, state.final, split, causes, executor)
+
+
+def _with_rival(
+    state: _SearchState,
+    at: int,
+    rival: Candidate,
+    split: DataSplit,
+    executor: Executor | None,
+    tell: Tell,
+    share: float,
+) -> _SearchState:
+    """Return the state with another cause in the place of one: with what was found since it does better."""
+    # Seven arguments: one move of a search, and what it tells meanwhile.
+    tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
+    steps = (*state.steps[:at], Step(state.steps[at].before, rival, (), ()))
+    final = fit_until_still(rival.fitted.model, split.train, executor)
+    tried = frozenset(step.accepted.cause for step in steps)
+    return _SearchState(follow_held(final.model, split), steps, final, tried)
 
 
 def _chosen(

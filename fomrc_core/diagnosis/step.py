@@ -31,3 +31,8 @@ class Step:
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""
         return replace(self, tied=tuple(c.cause for c in tied), tied_models=tuple(c.fitted.model for c in tied))
+
+    def tied_but_for(self, found: frozenset[str]) -> Step:
+        """Return the step without ties with causes that were found as well: both act."""
+        kept = [(n, m) for n, m in zip(self.tied, self.tied_models, strict=True) if n not in found]
+        return replace(self, tied=tuple(n for n, _ in kept), tied_models=tuple(m for _, m in kept))
