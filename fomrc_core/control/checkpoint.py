@@ -17,6 +17,7 @@ import struct
 import threading
 import time
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.control.actuator_memory import ActuatorMemory, aging_steps, carried, carries_exactly
+from fomrc_core.control.compensation_loop import Move
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.model.compensator import Compensator
@@ -98,9 +100,8 @@ class CheckpointWriter:
         self,
         compensator: Compensator,
         memory: ActuatorMemory,
-        step_s: float,
+        moves: Sequence[Move],
         desired_um: float,
-        cross: float,
         voltage_v: float,
         *,
         is_discontinuous: bool = False,
@@ -110,17 +111,16 @@ class CheckpointWriter:
         Args:
             compensator: the compensator.
             memory: its memory after the tick.
-            step_s: length of the tick's step [s].
-            desired_um: displacement the memory was moved to [um].
-            cross: second axis, not a number where there is none.
+            moves: by what the tick has moved the memory, in order.
+            desired_um: displacement the memory stands at [um].
             voltage_v: voltage published [V].
-            is_discontinuous: whether the memory changed otherwise than by the tick.
+            is_discontinuous: whether the memory changed otherwise than by the moves.
         """
-        # Many arguments: what is known at a tick, noted once a tick, without an object made for it.
         now = time.time()
-        if self._journal >= 0:
-            record = _RECORD.pack(now, step_s, desired_um, cross, voltage_v)
-            self._append(record + _CHECK.pack(zlib.crc32(record)))
+        for move in moves:
+            if self._journal >= 0:
+                record = _RECORD.pack(now, *move)
+                self._append(record + _CHECK.pack(zlib.crc32(record)))
         is_due = now >= self._next_snapshot_s or now < self._next_snapshot_s - self._period_s
         if is_discontinuous or (is_due and not self._queue.full()):
             self._next_snapshot_s = now + self._period_s

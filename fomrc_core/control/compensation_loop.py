@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from fomrc_core.control.actuator_memory import (
     ActuatorMemory,
@@ -55,6 +56,15 @@ class LoopSettings:
     history_s: float
 
 
+class Move(NamedTuple):
+    """One step of the memory: how long [s], where to [um], second axis, and the voltage it ends with [V]."""
+
+    step_s: float
+    desired_um: float
+    cross: float
+    voltage_v: float
+
+
 @dataclass
 class LoopCounts:
     """What happened in the loop, counted since it began."""
@@ -99,6 +109,8 @@ class CompensationLoop:
         self._shortfall_um = 0.0
         # What slew limits go by: the time since the last voltage, whatever of it the memory has sat out.
         self._reach_s = settings.period_s
+        # By what the memory has moved in the last tick, for who keeps it; more than one move where the tick was late.
+        self.moves: list[Move] = []
         self.is_discontinuous = True
         self._target_age_s = 0.0
         self._replay: MemoryReplay | None = None
@@ -199,6 +211,7 @@ class CompensationLoop:
         return self._tick_tracking(self.target_um, step_s)
 
     def _begin_tick(self, step_s: float) -> float:
+        self.moves = []
         self.age_s += step_s
         self._target_age_s += step_s
         self._reach_s = step_s
@@ -221,9 +234,8 @@ class CompensationLoop:
             if is_held:
                 self._apply(self.voltage_v, step_s)
             else:
-                self.memory.advance(self.compensator, self.followed_um, step_s, self.cross)
-                self._history.append(step_s, self.followed_um, self.cross)
-                self._history.mark(self.compensator, self.memory)
+                self.compensator.advance(self.memory.state, self.followed_um, step_s, cross=self.cross)
+                self._remember(step_s, self.followed_um, self.voltage_v)
 
     def _rest(self, step_s: float) -> float | None:
         # Without a target nothing is driven, but what was must not stay beyond limits narrowed since.
@@ -270,13 +282,13 @@ class CompensationLoop:
         if voltage == wanted or is_clamped:
             self._is_catching_up = False
         if voltage == wanted:
-            self._remember(step_s, target_um)
+            self._remember(step_s, target_um, voltage)
             self.voltage_v = voltage
             self.has_driven = True
             return voltage
         if self._is_catching_up:
             self.counts.n_slewed += 1
-            self._remember(step_s, target_um)
+            self._remember(step_s, target_um, voltage)
             self.voltage_v = voltage
             return voltage
         if voltage == limits.clamp(wanted):
@@ -297,13 +309,14 @@ class CompensationLoop:
             self.compensator, self.memory.state, voltage_v, step_s, near_um, gain, self.cross
         )
         self.compensator.advance(self.memory.state, reached_um, step_s, cross=self.cross)
-        self._remember(step_s, reached_um)
+        self._remember(step_s, reached_um, voltage_v)
         self.voltage_v = voltage_v
         self.has_driven = True
         return voltage_v
 
-    def _remember(self, step_s: float, desired_um: float) -> None:
+    def _remember(self, step_s: float, desired_um: float, voltage_v: float) -> None:
         self.followed_um = desired_um
+        self.moves.append(Move(step_s, desired_um, self.cross, voltage_v))
         self.memory.note_turning_point(self.compensator)
         self._history.append(step_s, desired_um, self.cross)
         self._history.mark(self.compensator, self.memory)

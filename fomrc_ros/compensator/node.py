@@ -299,13 +299,13 @@ class CompensatorNode(LifecycleNode):
         try:
             voltage_v = self._drive.tick(step_s, self._ticked_at_s)
             if voltage_v is not None:
-                self._publish(voltage_v, step_s)
+                self._publish(voltage_v)
         except Exception as error:
             # Raised into the executor it would take the node down, and leave the voltage where it is.
             self.get_logger().error(f"the loop failed: {type(error).__name__}: {error}")
             self._drive.fail(f"the loop failed ({type(error).__name__}: {error}): configure anew, then call ~/relax")
 
-    def _publish(self, voltage_v: float, step_s: float) -> None:
+    def _publish(self, voltage_v: float) -> None:
         # Whatever has gone wrong before, nothing leaves that is beyond the limits in force.
         if not math.isfinite(voltage_v) or voltage_v != self.settings.loop.limits.clamp(voltage_v):
             raise FomrcError(f"{voltage_v!r} V was about to be published")
@@ -316,9 +316,8 @@ class CompensatorNode(LifecycleNode):
             self._checkpoint.note(
                 loop.compensator,
                 loop.memory,
-                step_s,
+                loop.moves,
                 loop.followed_um,
-                loop.cross,
                 voltage_v,
                 is_discontinuous=is_new,
             )

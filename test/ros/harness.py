@@ -290,12 +290,20 @@ def _message(name: str, value: object):
 
 
 def journal_records(checkpoint: Path) -> np.ndarray:
-    """Return the ticks the compensator noted: wall time, step [s], followed [um], voltage [V], second axis."""
+    """Return the moves the compensator noted: wall time, step [s], followed [um], voltage [V], second axis."""
     rows = []
     for journal in sorted(checkpoint.parent.glob(checkpoint.name + ".journal.*"), key=lambda p: int(p.suffix[1:])):
         content = journal.read_bytes()
         rows += [struct.unpack_from("<ddddd", content, at) for at in range(0, len(content) - 43, 44)]
     return np.array(rows)[:, [0, 1, 2, 4, 3]]
+
+
+def in_ticks(records: np.ndarray) -> np.ndarray:
+    """Return the same with the moves of each tick as one: a late tick notes first what was held, at the same time."""
+    ends = np.flatnonzero(np.diff(records[:, 0], append=np.inf))
+    ticks = records[ends].copy()
+    ticks[:, 1] = np.diff(np.cumsum(records[:, 1])[ends], prepend=0.0)
+    return ticks
 
 
 def clean(output: str) -> list[str]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import journal_records, model_file
+from harness import in_ticks, journal_records, model_file
 from sensor_msgs.msg import JointState
 from small_model import compensator_of
 from std_msgs.msg import Float64
@@ -140,7 +140,7 @@ def test_voltage_is_clamped_and_slewed(tmp_path, probe, start):
     node.stop()
 
     # Tick by tick, and by the time each took; of two voltages that wait for a busy listener it hears the later one.
-    ticks = journal_records(checkpoint)
+    ticks = in_ticks(journal_records(checkpoint))
     steps_s, sent_v = ticks[1:, 1], ticks[:, 3]
     assert np.all(np.abs(np.diff(sent_v)) <= 2.0 * steps_s + 1e-12)
     assert set(voltages) <= {voltages[0], *sent_v.tolist()}

@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 
 from fomrc_core.control.actuator_memory import ActuatorMemory
 from fomrc_core.control.checkpoint import CheckpointWriter, read_checkpoint
+from fomrc_core.control.compensation_loop import Move
 
 EFFECTS = MODEL | {"effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff_hz": 100.0}}
 RECORD = "time_s,voltage_v,displacement_um\n" + "".join(f"{0.01 * k},{0.01 * k},{0.02 * k}\n" for k in range(200))
@@ -220,7 +221,14 @@ def test_a_journal_is_read_back_whatever_its_name(tmp_path):
     writer = CheckpointWriter(path, 3600.0)
     for k in range(20):
         voltage_v = memory.advance(compensator, 0.05 * k, 0.01)
-        writer.note(compensator, memory, 0.01, 0.05 * k, float("nan"), voltage_v, is_discontinuous=k == 0)
+        writer.note(
+            compensator,
+            memory,
+            [Move(0.01, 0.05 * k, float("nan"), voltage_v)],
+            0.05 * k,
+            voltage_v,
+            is_discontinuous=k == 0,
+        )
     writer.close()
     resumed = read_checkpoint(path, compensator, 0.01)
     assert resumed is not None
@@ -237,7 +245,13 @@ def test_a_full_disk_gets_no_new_file_each_second(tmp_path, monkeypatch):
     def drive(n: int, start: int) -> float:
         for k in range(start, start + n):
             voltage_v = memory.advance(compensator, 0.5 * np.sin(0.1 * k), 0.01)
-            writer.note(compensator, memory, 0.01, 0.5 * np.sin(0.1 * k), float("nan"), voltage_v)
+            writer.note(
+                compensator,
+                memory,
+                [Move(0.01, 0.5 * np.sin(0.1 * k), float("nan"), voltage_v)],
+                0.5 * np.sin(0.1 * k),
+                voltage_v,
+            )
             time.sleep(2e-3)
         return voltage_v
 
@@ -271,17 +285,17 @@ def test_a_journal_with_a_gap_is_refused(tmp_path, monkeypatch):
     memory = ActuatorMemory.relaxed(compensator)
     writer = CheckpointWriter(path, 3600.0)
     memory.advance(compensator, 0.1, 0.01)
-    writer.note(compensator, memory, 0.01, 0.1, float("nan"), 0.1, is_discontinuous=True)
-    writer.note(compensator, memory, 0.01, 0.1, float("nan"), 0.1)
+    writer.note(compensator, memory, [Move(0.01, 0.1, float("nan"), 0.1)], 0.1, 0.1, is_discontinuous=True)
+    writer.note(compensator, memory, [Move(0.01, 0.1, float("nan"), 0.1)], 0.1, 0.1)
 
     def full(descriptor: int, content: bytes) -> int:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
         patched.setattr(os, "write", full)
-        writer.note(compensator, memory, 0.01, 0.2, float("nan"), 0.2)
+        writer.note(compensator, memory, [Move(0.01, 0.2, float("nan"), 0.2)], 0.2, 0.2)
     assert "No space left" in writer.failure
-    writer.note(compensator, memory, 0.01, 0.3, float("nan"), 0.3)
+    writer.note(compensator, memory, [Move(0.01, 0.3, float("nan"), 0.3)], 0.3, 0.3)
     writer.close()
     with pytest.raises(Exception, match="damaged"):
         read_checkpoint(path, compensator, 0.01)
