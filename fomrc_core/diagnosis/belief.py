@@ -50,7 +50,8 @@ def evidence_of(finding: Finding, judgement: Judgement, n_tied: int) -> tuple[fl
     drive, whether what is left is noise, and the logarithm of one more than the number of causes it cannot be told
     from: all of them numbers without a unit.
     """
-    margin = math.log1p(min(max(finding.margin, 0.0), _ENOUGH_MARGIN))
+    # not compared with any other it has no margin
+    margin = 0.0 if math.isnan(finding.margin) else math.log1p(min(max(finding.margin, 0.0), _ENOUGH_MARGIN))
     followed = max((d.share for d in judgement.dependences if d.p_value < 0.01), default=0.0)
     return (margin, judgement.unexplained_share, followed, float(judgement.is_noise), math.log1p(n_tied))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -35,7 +36,7 @@ class Finding:
         p_value: of the hypothesis that it gains nothing on held-out data.
         evidence: why it was accepted, in a sentence.
         meaning: what it is, in a sentence.
-        margin: by how much it was likelier than the next cause when it was accepted, in log likelihood [1].
+        margin: by how much it was likelier than the next cause, in log likelihood [1]; see `Step`.
         probability: that it is the cause, and not another or one that is not in the library [1].
     """
 
@@ -48,7 +49,7 @@ class Finding:
     p_value: float
     evidence: str
     meaning: str
-    margin: float = 0.0
+    margin: float = math.nan
     probability: float = float("nan")
 
     def __str__(self) -> str:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import SURE, is_accepted, margin_of, sure_gain, ties_of
@@ -62,7 +64,10 @@ def looked_at_last(
             if held_out_score(held, list(other.held)).log_gain > _BETTER:
                 return LastLook(tuple(steps), (at, other))
         own = replace(step.accepted, fitted=final, held=tuple(held))
-        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin_of(own, candidates, split))
+        # Where another was as likely when this one was accepted, the way from there has not been gone: what it would have
+        # come to nobody knows, so that the lesser margin counts.
+        margin = float(np.fmin(step.margin, margin_of(own, candidates, split)))
+        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin)
     return LastLook(tuple(looked), None)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score
+from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.fitting.element_fit import fit_elements, trial_of
 from fomrc_core.fitting.joint_fit import Refit, refit
@@ -45,8 +46,8 @@ def missing_step(
         n_causes: number of causes tried in all.
     """
     with_effects = replace(coarse, effects=final.effects, record_effects=final.record_effects, starts=final.starts)
-    lesser = refit(with_effects, split.train).model
-    score = held_out_score(held_residuals(lesser, split.held), held_residuals(final, split.held))
+    fitted_coarse = refit(with_effects, split.train)
+    score = held_out_score(held_residuals(fitted_coarse.model, split.held), held_residuals(final, split.held))
     if not (score.is_worthwhile() and score.p_value < _SIGNIFICANCE / n_causes):
         return None
     residuals_um = residuals(base, split.train)
@@ -63,7 +64,11 @@ def missing_step(
         tuple(held_residuals(base, split.held)),
         base.weights.size - coarse.weights.size,
     )
-    return Step(coarse, gained, (), ())
+    # against the coarse elements with the same effects: no other cause is asked
+    left = residuals(final, split.train)
+    n_effective = split.n_used / residual_inflation(left, split.train)
+    margin = 0.5 * n_effective * math.log(fitted_coarse.squared_error / squared_error(split.train, left))
+    return Step(coarse, gained, (), (), margin=margin)
 
 
 def n_elements_needed(model: PiezoModel) -> int:

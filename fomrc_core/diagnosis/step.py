@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
@@ -18,7 +19,8 @@ class Step:
         tied: causes it could not be told from.
         tied_models: the models with those.
         rivals: candidates that did nearly as well while other causes were still unexplained.
-        margin: by how much it was likelier than the next, in log likelihood [1].
+        margin: by how much it was likelier than the next, in log likelihood, at worst of when it was accepted and of the
+            end [1]; not a number where it was not compared.
     """
 
     before: TrialModel
@@ -26,7 +28,7 @@ class Step:
     tied: tuple[str, ...]
     tied_models: tuple[TrialModel, ...]
     rivals: tuple[Candidate, ...] = ()
-    margin: float = 0.0
+    margin: float = math.nan
 
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""
