@@ -64,8 +64,8 @@ def looked_at_last(
             if held_out_score(held, list(other.held)).log_gain > _BETTER:
                 return LastLook(tuple(steps), (at, other))
         own = replace(step.accepted, fitted=final, held=tuple(held))
-        # Where another was as likely when this one was accepted, the way from there has not been gone: what it would have
-        # come to nobody knows, so that the lesser margin counts.
+        # Where another was as likely when this one was accepted, the way from there has not been gone, and nobody knows
+        # what it would have come to: the lesser margin counts.
         margin = float(np.fmin(step.margin, margin_of(own, candidates, split)))
         looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin)
     return LastLook(tuple(looked), None)

@@ -19,8 +19,8 @@ class Step:
         tied: causes it could not be told from.
         tied_models: the models with those.
         rivals: candidates that did nearly as well while other causes were still unexplained.
-        margin: by how much it was likelier than the next, in log likelihood, at worst of when it was accepted and of the
-            end [1]; not a number where it was not compared.
+        margin: by how much it was likelier than the next, in log likelihood, the lesser of when it was accepted and of
+            the end [1]; not a number where it was not compared.
     """
 
     before: TrialModel
