@@ -228,14 +228,12 @@ class CompensationLoop:
         The amplifier held its voltage, so that the actuator crept; a target that was to be followed meanwhile it has
         not followed. Creep runs by the logarithm of time: steps that double lose nothing of it.
         """
-        # Not where nothing was driven yet, nor where a changed model takes the voltage to be further than it is.
-        is_held = self.has_driven and not self._is_catching_up
         for step_s in pause_steps(pause_s, self.settings.period_s):
-            if is_held:
-                self._apply(self.voltage_v, step_s)
-            else:
+            if self._is_catching_up:  # a changed model takes the voltage to be further on its way than it is
                 self.compensator.advance(self.memory.state, self.followed_um, step_s, cross=self.cross)
                 self._remember(step_s, self.followed_um, self.voltage_v)
+            else:
+                self._move_with(self.voltage_v, step_s)
 
     def _rest(self, step_s: float) -> float | None:
         # Without a target nothing is driven, but what was must not stay beyond limits narrowed since.
@@ -303,6 +301,13 @@ class CompensationLoop:
         return voltage
 
     def _apply(self, voltage_v: float, step_s: float) -> float:
+        self._move_with(voltage_v, step_s)
+        self.voltage_v = voltage_v
+        self.has_driven = True
+        return voltage_v
+
+    def _move_with(self, voltage_v: float, step_s: float) -> None:
+        """Move the memory to where the actuator goes with a voltage."""
         near_um = self.memory.state.last_input
         gain = 1.0 / self.compensator.model.stop_form.slope
         reached_um = displacement_for_voltage(
@@ -310,9 +315,6 @@ class CompensationLoop:
         )
         self.compensator.advance(self.memory.state, reached_um, step_s, cross=self.cross)
         self._remember(step_s, reached_um, voltage_v)
-        self.voltage_v = voltage_v
-        self.has_driven = True
-        return voltage_v
 
     def _remember(self, step_s: float, desired_um: float, voltage_v: float) -> None:
         self.followed_um = desired_um
