@@ -5,6 +5,7 @@ A cause is accepted while others are still hidden, and what those hide of one ca
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ class LastLook:
     """What came of it.
 
     Attributes:
-        steps: the acceptances, each but the last with the causes that do as well in its place.
+        steps: the acceptances, each that was looked at with the causes that do as well in its place.
         better: place of an acceptance and the candidate that surely does better in it, None where there is none.
     """
 
@@ -43,6 +44,8 @@ def looked_at_last(
 ) -> LastLook:
     """Return the acceptances beside those that might stand in their places at the end.
 
+    The last was accepted beside all the others, so that it is asked only where it took another's place.
+
     Args:
         steps: acceptances that stand, in order.
         final: the last joint refit, with all of them.
@@ -53,8 +56,10 @@ def looked_at_last(
     held = held_residuals(final.model, split.held)
     found = frozenset(step.accepted.cause for step in steps)
     looked = [step.tied_but_for(found) for step in steps]
-    for at, step in enumerate(steps[:-1]):
+    for at, step in enumerate(steps):
         name = step.accepted.cause
+        if at == len(steps) - 1 and not math.isnan(step.margin):
+            continue
         if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
             continue
         candidates = _in_place_of(name, steps, final, split, causes, executor)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import os
 import random
+from itertools import pairwise
 
 import pytest
 from harness import model_file
+
+PERIOD_S = 2e-3
 
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FOMRC_KILLS", "2"))))
@@ -15,7 +18,7 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     """Two compensators follow the same target; one of them is killed and comes back."""
     generator = random.Random(seed)
     file = model_file(tmp_path / "model.yaml", stop_policy="hold")
-    options = {"rate_hz": 500.0, "checkpoint_period_s": 0.2}
+    options = {"rate_hz": 1.0 / PERIOD_S, "checkpoint_period_s": 0.2}
     start("compensator", file, namespace="/steady", **options)
     killed = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
     heard = {axis: probe.record(f"{axis}/voltage") for axis in ("/steady", "/killed")}
@@ -33,8 +36,11 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     restarted = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
     probe.until(lambda: len(heard["/killed"]) > 200, "voltage of the restarted one, without a new target")
     errors = [apart(entry, heard["/steady"]) - before for entry in heard["/killed"][:200]]
-    print(f"seed {seed}: first {errors[0]:.2e} V, worst of 200 {max(map(abs, errors)):.2e} V")
-    assert max(map(abs, errors)) < 1e-3
+    # A tick that comes late has held its voltage until then, and what the actuator crept meanwhile is made good for:
+    # by as much two compensators may differ that were late at different times.
+    late_v = max(late_creep_v(heard[axis][-1500:]) for axis in heard)
+    print(f"seed {seed}: first {errors[0]:.2e} V, worst of 200 {max(map(abs, errors)):.2e} V, late by {late_v:.1e} V")
+    assert max(map(abs, errors)) < 1e-3 + late_v
     assert "refused" not in restarted.output()
     assert len(list(tmp_path.glob(".memory.*.tmp"))) <= 1, "at most the one being written"
 
@@ -43,6 +49,13 @@ def rests(entries) -> bool:
     """Return whether a voltage has come to rest but for its creep."""
     last = [entry[1].data for entry in entries[-50:]]
     return len(last) == 50 and max(last) - min(last) < 3e-4
+
+
+def late_creep_v(entries) -> float:
+    """Return by how much the voltage changed over the longest time between two of them [V], less one period's."""
+    gaps = [(after[0] - before[0], abs(after[1].data - before[1].data)) for before, after in pairwise(entries)]
+    longest_s, change_v = max(gaps)
+    return change_v if longest_s > 2.5 * PERIOD_S else 0.0
 
 
 def apart(entry, steady) -> float:
