@@ -17,6 +17,7 @@ from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
+from fomrc_core.cli.options import COMMAND
 from fomrc_core.cli.watch_command import watch
 from fomrc_core.errors import FomrcError
 
@@ -76,6 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit status."""
+    COMMAND.set(("fomrc", *arguments))
     try:
         status = application(args=list(arguments), prog_name="fomrc", standalone_mode=False)
     except FomrcError as error:

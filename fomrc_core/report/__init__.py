@@ -10,6 +10,7 @@ __all__ = [
     "diagnosis_fleet",
     "drive_to_add",
     "fit_results",
+    "provenance",
     "recording_check",
     "recording_figure",
 ]
