@@ -18,6 +18,7 @@ from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
 from fomrc_core.cli.options import COMMAND
+from fomrc_core.cli.view_command import view
 from fomrc_core.cli.watch_command import watch
 from fomrc_core.errors import FomrcError
 
@@ -60,6 +61,7 @@ application.command()(check)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
 application.command()(watch)
+application.command()(view)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)

@@ -13,4 +13,5 @@ __all__ = [
     "provenance",
     "recording_check",
     "recording_figure",
+    "view_pages",
 ]

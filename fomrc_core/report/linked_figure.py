@@ -175,6 +175,7 @@ def _empty_plot(panel: Panel) -> Any:
         **axes,
     )
     plot.toolbar.logo = None
+    plot.background_fill_color = plot.border_fill_color = None  # that of the page, by day and by night
     plot.xaxis.axis_label_text_font_style = plot.yaxis.axis_label_text_font_style = "normal"
     if panel.column == "phase":
         plot.xaxis.ticker = FixedTicker(ticks=[0, 90, 180, 270, 360])

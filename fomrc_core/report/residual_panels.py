@@ -55,7 +55,11 @@ def diagnosis_figure(diagnosis: Diagnosis, first: str) -> str:
 
 
 def residual_figure(
-    records: Sequence[SampledRecord], curves: tuple[Curve, ...], name: str, first: int | None = None
+    records: Sequence[SampledRecord],
+    curves: tuple[Curve, ...],
+    name: str,
+    first: int | None = None,
+    before: Sequence[Panel] = (),
 ) -> str:
     """Return what is left of records as six panels.
 
@@ -64,18 +68,20 @@ def residual_figure(
         curves: what to draw.
         name: what the curves are: residual, difference.
         first: number of the record shown at first; None for all.
+        before: panels that stand before these.
     """
     is_small = max(rms(values) for record in records for values in record.curves_um.values()) < _NM_BELOW_UM
     scale, unit = (1e3, "nm") if is_small else (1.0, "µm")
     table = sample_table(records, scale)
     y_label = f"{name} [{unit}]"
     title = name.capitalize()
-    sizes = "; ".join(f"{c.label} {number(scale * _rms_of(records, c), 3)} {unit} rms" for c in curves)
-    panels = [Panel(f"{title} against time", "time", "time [s]", y_label, curves, f"In all records: {sizes}.")]
+    several = "all records" if len(records) > 1 else "the whole record"
+    sizes = "; ".join(f"{c.label}: {number(scale * _rms_of(records, c), 3)} {unit} rms" for c in curves)
+    panels = [*before, Panel(f"{title} against time", "time", "time [s]", y_label, curves, f"Over {several}: {sizes}.")]
     for column, what, x_label, against in _PLACES:
         shares = [(curve, _share(records, against, curve)) for curve in curves]
-        told = "; ".join(f"{c.label} {100.0 * s:.0f} %" for c, s in shares if np.isfinite(s))
-        description = f"Share of its power that follows from this alone: {told}." if told else "Nothing is known of it."
+        told = "; ".join(f"{c.label}: {100.0 * s:.0f} %" for c, s in shares if np.isfinite(s))
+        description = f"Share of its power that follows from this alone, {told}." if told else "Nothing is known of it."
         panels.append(Panel(f"{title} against {what}", column, x_label, y_label, curves, description))
     panels.append(
         Panel(
@@ -121,5 +127,5 @@ def _spectrum_words(table: SampleTable, curves: Sequence[Curve], index: int) -> 
     peaks = []
     for curve in curves:
         mean = np.mean(spectrum["power"][curve.column], axis=0)
-        peaks.append(f"{curve.label} at {number(spectrum['frequency'][int(np.argmax(mean))], 3)} Hz")
-    return f"Of {table.names[index]}; largest: {'; '.join(peaks)}."
+        peaks.append(f"{curve.label}: at {number(spectrum['frequency'][int(np.argmax(mean))], 3)} Hz")
+    return f"{table.names[index]}; largest, {'; '.join(peaks)}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ class SampledRecord:
         displacement_um: displacement [um]; None where there is none.
         curves_um: what is looked at, by name: residuals, displacements [um].
         is_shown: samples worth showing; None for all.
+        beside_um: further columns by name [um], which are never scaled and have no spectrum.
     """
 
     name: str
@@ -37,6 +38,7 @@ class SampledRecord:
     displacement_um: Array | None
     curves_um: Mapping[str, Array]
     is_shown: NDArray[np.bool_] | None = None
+    beside_um: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,7 @@ def _of_record(record: SampledRecord, n_points: int, scale: float) -> tuple[dict
         "phase": loop_phase_deg(record.voltage_v)[kept],
         "stretch": np.minimum(kept // n_each, n_stretches - 1).astype(np.float64),
     }
-    columns |= {name: values[kept] for name, values in curves.items()}
+    columns |= {name: values[kept] for name, values in (*curves.items(), *record.beside_um.items())}
     spectrum: dict[str, Any] = {"frequency": [], "power": {name: [] for name in curves}}
     if n_each < 4:
         return columns, spectrum

@@ -54,13 +54,14 @@ class Chromium:
         os.close(self._to)
         os.close(self._from)
 
-    def open(self, page: Path, width: int, scheme: str) -> None:
+    def open(self, page: Path, width: int, scheme: str, media: str = "screen") -> None:
         """Open a page and wait until its figure stands, where it has one."""
         self.complaints, self.requests = [], []
         self._ask(
             "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 500
         )
-        self._ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        wanted = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._ask("Emulation.setEmulatedMedia", media=media, features=wanted)
         self._ask("Page.navigate", url=page.resolve().as_uri())
         ready = (
             "document.readyState === 'complete' && (!document.getElementById('linked-figure') || "

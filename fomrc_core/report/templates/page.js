@@ -21,12 +21,10 @@
     const dark = night.matches && !paper.matches && !colour.onPaper;
     const style = getComputedStyle(document.documentElement);
     const of = (name) => style.getPropertyValue(name).trim();
-    const [ground, text, line] = dark ? [of("--ground"), of("--text"), of("--line")] : ["#ffffff", "#222222", "#d5dade"];
+    const [text, line] = dark ? [of("--text"), of("--line")] : ["#222222", "#d5dade"];
     for (const model of everyModel(doc)) {
       const name = model.type;
       if (name === "Figure") {
-        model.background_fill_color = ground;
-        model.border_fill_color = ground;
         model.outline_line_color = line;
       } else if (/Axis$/.test(name)) {
         for (const part of ["axis_label_text_color", "major_label_text_color", "axis_line_color",
@@ -49,7 +47,7 @@
     const source = doc.get_model_by_name("samples");
     const target = doc.get_model_by_name("spectrum");
     const shown = doc.get_model_by_name("shown").indices;
-    if (!target || !shown.length) return;
+    if (!shown.length) return;
     const among = new Set(shown);
     const marked = source.selected.indices.filter((k) => among.has(k));
     const places = marked.length ? marked : shown;
@@ -58,13 +56,13 @@
     const stretches = new Set();
     for (const k of places) if (source.data.record[k] === record) stretches.add(source.data.stretch[k]);
     const columns = {frequency: found.frequency};
-    for (const name of Object.keys(target.data)) {
+    for (const name of target ? Object.keys(target.data) : []) {
       if (name === "frequency") continue;
       const powers = [...stretches].map((k) => found.power[name][k]).filter((p) => p);
       columns[name] = found.frequency.map((_, i) =>
         Math.sqrt(Math.max(powers.reduce((sum, p) => sum + p[i], 0) / Math.max(powers.length, 1), 2.3e-308)));
     }
-    target.data = columns;
+    if (target) target.data = columns;
     const said = document.getElementById("marked");
     const several = config.records.length > 1 ? `spectrum of ${config.records[record]}` : "";
     const count = marked.length ? `${marked.length} of ${shown.length} samples marked` : "";
@@ -87,7 +85,7 @@
       source.selected.indices = [];
       for (const plot of doc.roots()) plot.reset.emit();
     });
-    night.addEventListener("change", () => colour(doc));
+    for (const medium of [night, paper]) medium.addEventListener("change", () => colour(doc));
     window.addEventListener("beforeprint", () => { colour.onPaper = true; colour(doc); });
     window.addEventListener("afterprint", () => { colour.onPaper = false; colour(doc); });
     colour(doc);

