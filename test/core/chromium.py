@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-_PATIENCE_S = 60.0
+_PATIENCE_S = 120.0
 
 
 class Chromium:
@@ -54,14 +54,10 @@ class Chromium:
         os.close(self._to)
         os.close(self._from)
 
-    def open(self, page: Path, width: int, scheme: str, media: str = "screen") -> None:
+    def open(self, page: Path, width: int, scheme: str) -> None:
         """Open a page and wait until its figure stands, where it has one."""
         self.complaints, self.requests = [], []
-        self._ask(
-            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 500
-        )
-        wanted = [{"name": "prefers-color-scheme", "value": scheme}]
-        self._ask("Emulation.setEmulatedMedia", media=media, features=wanted)
+        self.dress(width, scheme)
         self._ask("Page.navigate", url=page.resolve().as_uri())
         ready = (
             "document.readyState === 'complete' && (!document.getElementById('linked-figure') || "
@@ -71,7 +67,16 @@ class Chromium:
         while not self.run(ready):
             assert time.monotonic() < end, f"not drawn; {self.complaints}"
             time.sleep(0.05)
-        self.run("new Promise(r => requestAnimationFrame(() => setTimeout(r, 150)))")
+        self._let_draw()
+
+    def dress(self, width: int, scheme: str, media: str = "screen") -> None:
+        """Make the window as wide, the system light or dark, the medium screen or print, whatever page is open."""
+        self._ask(
+            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 500
+        )
+        wanted = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._ask("Emulation.setEmulatedMedia", media=media, features=wanted)
+        self._let_draw()
 
     def run(self, script: str) -> Any:
         """Return what a script gives, promises awaited."""
@@ -92,6 +97,9 @@ class Chromium:
         """Write the whole page as PNG."""
         answer = self._ask("Page.captureScreenshot", captureBeyondViewport=True, format="png")
         path.write_bytes(base64.b64decode(answer["data"]))
+
+    def _let_draw(self) -> None:
+        self.run("new Promise(r => requestAnimationFrame(() => setTimeout(r, 150)))")
 
     def _mouse(self, kind: str, at: tuple[float, float], buttons: int) -> None:
         told = {"button": "left", "clickCount": 1} if kind != "mouseMoved" or buttons else {}
