@@ -206,7 +206,9 @@ def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
     axes.set_xlim(0.0, 1.1 * longest)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.set_xlabel("error [% of range]; dotted: noise floor")
-    axes.set_title(f"gained, {quoted_words(diagnosis)}", fontsize=9)
+    view = quoted_record(diagnosis)
+    where = "held-out blocks" if view.role == "train" else f"{view.name} (held out)"
+    axes.set_title(f"gained, {where}", fontsize=9)
 
 
 def _curves(diagnosis: Diagnosis, view: RecordView) -> Sequence[tuple[str, str, Array]]:

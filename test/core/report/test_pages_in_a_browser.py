@@ -21,7 +21,10 @@ _DRAWN = """(() => {
   const all = (r) => [...r.querySelectorAll('*')].flatMap((e) => [e, ...(e.shadowRoot ? all(e.shadowRoot) : [])]);
   const panels = [...document.querySelectorAll('.plot')];
   const is_drawn = (p) => all(p).filter((e) => e.tagName === 'CANVAS' && e.width > 100).some((c) => {
-    const data = new Uint32Array(c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer);
+    const copy = Object.assign(document.createElement('canvas'), {width: c.width, height: c.height});
+    const pen = copy.getContext('2d', {willReadFrequently: true});
+    pen.drawImage(c, 0, 0);
+    const data = new Uint32Array(pen.getImageData(0, 0, c.width, c.height).data.buffer);
     return new Set(data).size > 20;
   });
   return [panels.filter(is_drawn).length, panels.length,

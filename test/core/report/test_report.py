@@ -241,6 +241,20 @@ def test_held_out_is_said_of_what_is_held_out() -> None:
     assert simulation_figure(alone).axes[0].get_title().endswith("but for blocks that were held out)")
 
 
+def test_results_show_themselves_in_a_notebook() -> None:
+    diagnosis = _diagnosis()
+    for result in (diagnosis, _MODEL):
+        shown = _Page(result._repr_html_()).text
+        assert " ".join(str(result).split()) in shown
+    figure = diagnosis.plot()
+    assert [axes.get_title() for axes in figure.axes] == ["<held> & out", "what is left"]
+    before_nm, after_nm = (line.get_ydata() for line in figure.axes[1].get_lines())
+    assert np.std(before_nm) > 20.0 * np.std(after_nm)
+    loop, over_time = _MODEL.plot(2.0).axes
+    assert np.max(loop.get_lines()[0].get_xdata()) == pytest.approx(2.0, rel=0.01)
+    assert (loop.get_xlabel(), over_time.get_xlabel()) == ("voltage [V]", "time [s]")
+
+
 def test_a_missing_folder_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="no such folder"):
         write_report(_diagnosis(), tmp_path / "none")
