@@ -33,7 +33,14 @@ extras = {
     # Files of other programs: parquet, Excel, HDF5 and MATLAB 7.3, LabVIEW. Text, .npz and .mat need none of it.
     "formats": ["pandas>=1.5", "pyarrow>=10", "openpyxl>=3.0", "h5py>=3.7", "npTDMS>=1.6"],
     # colcon recognises the test framework by 'pytest' in an extra of this name.
-    "test": ["pytest>=8", "pytest-xdist>=3.5", "hypothesis>=6.100", "distributed>=2023.1", "sybil>=6"],
+    "test": [
+        "pytest>=8",
+        "pytest-xdist>=3.5",
+        "hypothesis>=6.100",
+        "distributed>=2023.1",
+        "sybil>=6",
+        "axe-core-python>=0.1",
+    ],
     "bench": ["pytest-benchmark>=4"],
     "lint": ["ruff>=0.6", "mypy>=1.10", "types-PyYAML"],
 }
@@ -47,7 +54,11 @@ setup(
     maintainer="fomrc maintainers",
     maintainer_email="maintainers@users.noreply.h-seed-39e1938a.example",
     python_requires=">=3.10",
-    package_data={"fomrc_core": ["py.typed"], "fomrc_core.export": ["templates/*"]},
+    package_data={
+        "fomrc_core": ["py.typed"],
+        "fomrc_core.report": ["templates/*"],
+        "fomrc_core.export": ["templates/*"],
+    },
     packages=find_packages(include=["fomrc_core", "fomrc_core.*", "fomrc_ros", "fomrc_ros.*"]),
     install_requires=[
         "setuptools",
@@ -56,6 +67,8 @@ setup(
         "numba>=0.59",
         "PyYAML>=6.0",
         "matplotlib>=3.6",
+        # of the pages: its JavaScript is what they carry; without it they have pictures only
+        "bokeh>=3.4",
         "typer>=0.12",
         "rich>=13",
         "pooch>=1.7",

@@ -67,7 +67,9 @@ def _rosdep_key(requirement: str) -> str:
     name = re.split(r"[\[<>=!~; ]", requirement)[0]
     if name.startswith("ros-"):
         return name.removeprefix("ros-").replace("-", "_")
-    return "python3-yaml" if name == "PyYAML" else f"python3-{name}"
+    # Debian has no Bokeh: its key is that of the package index
+    special = {"PyYAML": "python3-yaml", "bokeh": "python3-bokeh-pip"}
+    return special.get(name, f"python3-{name}")
 
 
 def test_both_descriptions_of_the_package_agree(told: dict[str, Any]) -> None:

@@ -17,6 +17,8 @@ from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.model_commands import compensate, simulate
+from fomrc_core.cli.options import COMMAND
+from fomrc_core.cli.view_command import view
 from fomrc_core.cli.watch_command import watch
 from fomrc_core.errors import FomrcError
 
@@ -59,6 +61,7 @@ application.command()(check)
 application.command()(diagnose)
 application.command("diagnose-fleet")(diagnose_fleet)
 application.command()(watch)
+application.command()(view)
 application.add_typer(excite, name="excite")
 application.command()(compare)
 application.command()(reproduce)
@@ -76,6 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit status."""
+    COMMAND.set(("fomrc", *arguments))
     try:
         status = application(args=list(arguments), prog_name="fomrc", standalone_mode=False)
     except FomrcError as error:

@@ -24,6 +24,7 @@ from fomrc_core.cli.options import (
 
 _LIBRARIES = {
     "numba": "kernels at the speed of C; without it everything takes some hundred times as long",
+    "bokeh": "figures to zoom on the pages; without it they have pictures only (pip install bokeh)",
     "rclpy": "the ROS nodes and `fomrc demo` (a ROS 2 installation, or pip install 'fomrc_ros[ros]')",
     "rosbags": "rosbag2 recordings (pip install 'fomrc_ros[bags]')",
     "pandas": "parquet and Excel files (pip install 'fomrc_ros[formats]')",

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.options import (
+    COMMAND,
     Accept,
     Columns,
     Despike,
@@ -126,6 +127,7 @@ def diagnose(
     from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
     from fomrc_core.records.usability import check_usable
     from fomrc_core.report.diagnosis_files import FILE_NAMES, write_report
+    from fomrc_core.report.provenance import Provenance
     from fomrc_core.storage import check_outputs, files_in, make_directory, read_model
 
     inputs = [*recordings, *(path for path in (test, report, model) if path is not None)]
@@ -136,11 +138,14 @@ def diagnose(
     held_out = reading.read(test) if test else None
     third = reading.read(report) if report else None
     check_usable([record for record in (*records, held_out, third) if record is not None])
+    read = [("recording", path) for path in recordings]
+    read += [(role, path) for role, path in (("test", test), ("report", report), ("model", model)) if path is not None]
+    provenance = Provenance.of(COMMAND.get(), read)
     folder = make_directory(output)
     with worker_threads() as executor, progress_shown("diagnose") as progress:
         diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)
         progress(1.0, "report")
-        write_report(diagnosis, folder)
+        write_report(diagnosis, folder, provenance)
     print(diagnosis)
     say(f"{folder / 'report.html'}")
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -44,6 +45,10 @@ Recordings = Annotated[
     typer.Argument(metavar="REC...", help="CSV (.gz), a table of another program, or rosbag2 folder; one or more."),
 ]
 OutputDirectory = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")]
+
+
+# The command line as it was given, for results to say how they are made again.
+COMMAND: ContextVar[tuple[str, ...]] = ContextVar("fomrc_command", default=())
 
 
 def say(text: str) -> None:

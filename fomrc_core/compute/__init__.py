@@ -9,4 +9,5 @@ __all__ = [
     "compiled",
     "gauss_newton",
     "least_squares",
+    "notebook",
 ]

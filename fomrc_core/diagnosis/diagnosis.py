@@ -11,11 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
+from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
@@ -42,6 +44,9 @@ from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -122,6 +127,22 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return self.summary()
+
+    def _repr_html_(self) -> str:
+        return shown_as_html("Diagnosis", str(self))
+
+    def plot(self) -> Figure:
+        """Return a figure of the record before and after are quoted on: measured, simulated, and what is left."""
+        view = next((v for v in reversed(self.records) if v.name == self.quoted_on), self.records[-1])
+        before_um, after_um = view.residual_before_um, view.residual_after_um
+        moved = {"measured": view.measured_um, "base model": view.measured_um - before_um}
+        left = {"base model": 1e3 * before_um, "with what was found": 1e3 * after_um}
+        return curves_figure(
+            (
+                CurvePanel(view.name, "time [s]", "displacement [µm]", view.time_s, moved),
+                CurvePanel("what is left", "time [s]", "residual [nm]", view.time_s, left),
+            )
+        )
 
     def summary(self) -> str:
         """Return the diagnosis in a few lines."""

@@ -11,12 +11,14 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.least_squares import non_negative_weights, normal_equations, variances_of
+from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.element_fit import FittedElements, Starts, fit_elements, trial_of
@@ -33,6 +35,9 @@ from fomrc_core.records.quality import DataQuality, Examined, examine, examine_r
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -101,6 +106,23 @@ class Fit:
             lines.append(f"NRMSE {self.test_nrmse_percent:.4g} % held out")
         lines[1:1] = [str(quality) for quality in self.data_quality if quality.faults]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return shown_as_html("Fit", f"{self}\n{self.model}")
+
+    def plot(self) -> Figure:
+        """Return a figure of what the fit leaves of each training record, sample by sample."""
+        panels = (
+            CurvePanel(
+                f"record {k}: what is left",
+                "sample",
+                "residual [nm]",
+                np.arange(r.size, dtype=np.float64),
+                {"left": 1e3 * r},
+            )
+            for k, r in enumerate(self.residuals_um, 1)
+        )
+        return curves_figure(tuple(panels))
 
 
 @dataclass(frozen=True, eq=False)

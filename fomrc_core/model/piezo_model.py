@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import IS_COMPILED
+from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.effects import Covariates, Effect, Stage, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.errors import ParameterError
@@ -28,8 +29,13 @@ from fomrc_core.model.substeps import BY_EFFECTS, Substeps, substeps_of
 from fomrc_core.operators.creep import SHORTEST_TIME_S, CreepModes, check_order, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum, check_elements, hysteresis_block, play_form, stop_form
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 Array = NDArray[np.float64]
 
+_DRAWN_HZ = 500.0
+_SLIPPING = 4.0  # times the largest saturation voltage: the drive turns with every element slipping
 _NEEDED = ("kappa_um_per_v", "saturation_v", "creep_order")  # of a model block
 
 
@@ -80,6 +86,27 @@ class PiezoModel:
             gain += f"saturation voltages {low_v:.4g} to {high_v:.4g} V"
         lines = [f"piezo model: {self.n_elements} elements, creep order {self.creep_order:.5g}", gain]
         return "\n".join([*lines, *(f"effect {cause}" for cause in self.causes)])
+
+    def _repr_html_(self) -> str:
+        return shown_as_html("PiezoModel", str(self))
+
+    def plot(self, largest_v: float | None = None) -> Figure:
+        """Return a figure of its loop and of its displacement over time, on falling cycles at 1 Hz.
+
+        Args:
+            largest_v: largest voltage [V]; four times the largest saturation voltage where not given.
+
+        Raises:
+            ParameterError: a voltage outside what is allowed.
+        """
+        from fomrc_core.records.excitation import triangle
+
+        amplitude_v = largest_v if largest_v is not None else _SLIPPING * float(self.saturation_v.max(initial=0.0))
+        drive = triangle(amplitude_v or 1.0, slope_v_per_s=4.0 * (amplitude_v or 1.0), rate_hz=_DRAWN_HZ).to_recording()
+        moved_um = self.simulate(drive.steps_s, drive.voltage_v)
+        loop = CurvePanel("loop", "voltage [V]", "displacement [µm]", drive.voltage_v, {"simulated": moved_um})
+        over_time = CurvePanel("over time", "time [s]", "displacement [µm]", drive.time_s, {"simulated": moved_um})
+        return curves_figure((loop, over_time))
 
     @property
     def n_elements(self) -> int:

@@ -10,6 +10,8 @@ __all__ = [
     "diagnosis_fleet",
     "drive_to_add",
     "fit_results",
+    "provenance",
     "recording_check",
     "recording_figure",
+    "view_pages",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import json
 import math
@@ -17,10 +16,10 @@ from matplotlib.figure import Figure
 from fomrc_core.diagnosis.watch.model_watch import Alarm, Case
 from fomrc_core.diagnosis.watch.naming import ChangeDiagnosis
 from fomrc_core.report.diagnosis_figures import AFTER, BEFORE, png
+from fomrc_core.report.page_parts import document, image, prose, table
 from fomrc_core.storage import write_model, write_text
 
 JSON_NAME, PAGE_NAME, MODEL_NAME = "change.json", "change.html", "extended_model.yaml"
-_STYLE = "body{font:16px/1.5 system-ui,sans-serif;max-width:56rem;margin:2rem auto;color:#222}td,th{padding:.2rem 1rem}"
 _N_DRAWN = 4000
 _DIGITS = 6
 
@@ -95,24 +94,25 @@ def _number(value: float) -> float | None:
 
 
 def _page(case: Case, found: ChangeDiagnosis) -> str:
-    rows = "".join(
-        f"<tr><td>{html.escape(n.cause)}</td><td>{n.probability:.2f}</td><td>{n.explained:.2f}</td><td>"
-        + html.escape(", ".join(f"{name} {value:.4g}" for name, value in n.parameters.items()))
-        + "</td></tr>"
+    rows = (
+        (
+            f"<code>{html.escape(n.cause)}</code>",
+            f"{n.probability:.2f}",
+            f"{n.explained:.2f}",
+            html.escape(", ".join(f"{name} {value:.4g}" for name, value in n.parameters.items())),
+        )
         for n in found.named[:8]
     )
     after = f"<p>On data no hypothesis was fitted to: {found.before_nm:.3g} nm rms with the model in force" + (
         f", {found.after_nm:.3g} nm with the change in it.</p>" if math.isfinite(found.after_nm) else ".</p>"
     )
-    image = base64.b64encode(png(_figure(case, found))).decode("ascii")
-    return (
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>What has changed</title>"
-        f"<style>{_STYLE}</style></head><body><h1>{html.escape(found.cause)}</h1>"
-        f"<p>{html.escape(found.meaning)}</p><p>{html.escape(change_line(case.alarm, found, case.began_s))}</p>{after}"
-        f"<img src='data:image/png;base64,{image}' alt='residual of the model in force over time' width='100%'>"
-        "<table><tr><th>cause</th><th>probability</th><th>explained</th><th>size</th></tr>"
-        f"{rows}</table></body></html>\n"
-    )
+    line = prose(change_line(case.alarm, found, case.began_s))
+    body = [
+        f"<h1>{html.escape(found.cause)}</h1><p>{prose(found.meaning)}</p><p>{line}</p>{after}",
+        image(png(_figure(case, found)), "The drive and the residual of the model in force over time."),
+        table("What it may be", ("cause", "probability", "explained", "size"), rows),
+    ]
+    return document("What has changed", body)
 
 
 def _figure(case: Case, found: ChangeDiagnosis) -> Figure:
@@ -125,10 +125,12 @@ def _figure(case: Case, found: ChangeDiagnosis) -> Figure:
     drive, error = figure.subplots(2, 1, sharex=True)
     time_s = case.began_s + record.time_s[::every]
     drive.plot(time_s, record.voltage_v[::every], color=AFTER, lw=0.8)
-    drive.set_ylabel("drive / V")
+    drive.set_ylabel("drive [V]")
+    drive.set_title("drive", fontsize=10)
     error.plot(time_s, residual_nm[::every], color=BEFORE, lw=0.8)
     error.axvline(case.began_s + found.since_s, color="black", lw=0.8, ls="--")
     error.axvline(case.alarm.time_s, color="black", lw=0.8, ls=":")
-    error.set_ylabel("measured less model / nm")
-    error.set_xlabel("time since the watch began / s  (dashed: since when, dotted: noticed)")
+    error.set_ylabel("residual [nm]")
+    error.set_title("measured less the model in force", fontsize=10)
+    error.set_xlabel("time since the watch began [s]; dashed: since when, dotted: noticed")
     return figure

@@ -32,7 +32,11 @@ MEASURED, BEFORE, AFTER, FLOOR = "#333333", "#d1495b", "#1f6f8b", "#cfd4da"
 _BEFORE_NAME, _AFTER_NAME = "base model", "with what was found"
 _WIDE_RATIO = 20.0
 _N_RECORDS_MAX = 8
-_ROLES = {"train": "learnt from", "test": "held out", "report": "held out, seen by no choice"}
+_ROLES = {
+    "train": "learnt from",
+    "test": "held out of every fit; causes were accepted on it",
+    "report": "held out, seen by no fit and no choice",
+}
 
 
 def quoted_record(diagnosis: Diagnosis) -> RecordView:
@@ -40,6 +44,16 @@ def quoted_record(diagnosis: Diagnosis) -> RecordView:
     named = [view for view in diagnosis.records if view.name == diagnosis.quoted_on]
     order = {"report": 0, "test": 1, "train": 2}
     return min(named or diagnosis.records, key=lambda view: order[view.role])
+
+
+def quoted_words(diagnosis: Diagnosis) -> str:
+    """Return what before and after are quoted on, and by what right it is called held out."""
+    view = quoted_record(diagnosis)
+    if view.role != "train":
+        return f"{view.name}, {_ROLES[view.role]}"
+    # Nothing else was given: blocks of every record are kept from the fits.
+    several = sum(v.role == "train" for v in diagnosis.records) > 1
+    return f"blocks held out of {'every record' if several else view.name}"
 
 
 def simulation_figure(diagnosis: Diagnosis) -> Figure:
@@ -54,7 +68,10 @@ def simulation_figure(diagnosis: Diagnosis) -> Figure:
     first.plot(*envelope(view.time_s, simulated_um - middle), "--", color=BEFORE, lw=1.2, label=_BEFORE_NAME)
     _fit_to(first, (view.measured_um - middle)[is_settled(view.time_s, view.voltage_v)])
     first.set_ylabel("displacement [µm]")
-    first.set_title(f"{view.name} ({_ROLES[view.role]})", fontsize=10)
+    role = _ROLES[view.role]
+    if view.role == "train" and all(v.role == "train" for v in diagnosis.records):
+        role += ", but for blocks that were held out"
+    first.set_title(f"{view.name} ({role})", fontsize=10)
     first.legend(loc="upper right", ncols=2)
     for axes, (name, colour, values) in zip(others, curves, strict=True):
         _residual_over_time(axes, view, diagnosis, colour, values)
@@ -69,17 +86,21 @@ def where_figure(diagnosis: Diagnosis) -> Figure:
     (by_voltage, by_rate, by_phase), (by_rest, spectrum, gains) = figure.subplots(2, 3)
     _against(by_voltage, diagnosis, lambda v: v.voltage_v)
     by_voltage.set_xlabel("voltage [V]")
+    by_voltage.set_title("against the drive", fontsize=9)
     _against(by_rate, diagnosis, lambda v: rate_v_per_s(v.time_s, v.voltage_v), by_rank=True)
     by_rate.set_xlabel("rate of the drive [V/s]")
+    by_rate.set_title("against its rate", fontsize=9)
     speeds = np.abs(np.concatenate([rate_v_per_s(v.time_s, v.voltage_v) for v in diagnosis.records]))
     moving = speeds[speeds > 1e-9 * float(speeds.max())]
     if float(moving.max()) > _WIDE_RATIO * float(np.median(moving)):
         by_rate.set_xscale("symlog", linthresh=float(np.median(moving)))
     _against(by_phase, diagnosis, lambda v: loop_phase_deg(v.voltage_v))
     by_phase.set_xlabel("place in the loop [°], up then down")
+    by_phase.set_title("against the place in the loop", fontsize=9)
     by_phase.set_xticks([0, 90, 180, 270, 360])
     _against(by_rest, diagnosis, lambda v: _logarithm(time_since_motion_s(v.time_s, v.voltage_v)), is_log=True)
     by_rest.set_xlabel("time since the drive last moved [s]")
+    by_rest.set_title("against the time at rest", fontsize=9)
     _spectrum(spectrum, diagnosis)
     _gains(gains, diagnosis)
     handles, names = by_voltage.get_legend_handles_labels()
@@ -185,7 +206,9 @@ def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
     axes.set_xlim(0.0, 1.1 * longest)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.set_xlabel("error [% of range]; dotted: noise floor")
-    axes.set_title(f"gained, {diagnosis.quoted_on}", fontsize=9)
+    view = quoted_record(diagnosis)
+    where = "held-out blocks" if view.role == "train" else f"{view.name} (held out)"
+    axes.set_title(f"gained, {where}", fontsize=9)
 
 
 def _curves(diagnosis: Diagnosis, view: RecordView) -> Sequence[tuple[str, str, Array]]:

@@ -2,7 +2,7 @@
 
     write_report(diagnosis, directory)
 
-The page is made in report_page.py, its figures in plots.py.
+The page is made in diagnosis_page.py, its pictures in diagnosis_figures.py, what one can zoom in residual_panels.py.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
 from fomrc_core.report.diagnosis_page import page
+from fomrc_core.report.provenance import Provenance
 from fomrc_core.report.quality_view import quality_figure, quality_results
 from fomrc_core.storage import write_model, write_text
 from fomrc_core.storage.atomic import write_bytes
@@ -38,7 +39,7 @@ JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
 FILE_NAMES = (JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME)
 
 
-def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> None:
+def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str], provenance: Provenance | None = None) -> None:
     """Write ``diagnosis.json``, ``extended_model.yaml``, ``report.html`` and its main figure as PNG.
 
     Each file is written whole or not at all; the JSON comes last, so that who sees it finds the others.
@@ -46,6 +47,7 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> Non
     Args:
         diagnosis: what was found.
         directory: existing folder; files of these names are replaced.
+        provenance: where the diagnosis comes from; told in page and JSON, nowhere where it is not given.
 
     Raises:
         StorageError: the folder is missing or cannot be written.
@@ -61,8 +63,12 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str]) -> Non
     left = np.concatenate([v.residual_after_um for v in diagnosis.records if v.role == "train"])
     write_model(diagnosis.extended_model, folder / MODEL_NAME, rms(left))
     write_bytes(figures["where"], folder / FIGURE_NAME)
-    write_text(page(diagnosis, figures), folder / PAGE_NAME)
-    write_text(json.dumps(diagnosis_results(diagnosis), indent=2, allow_nan=False) + "\n", folder / JSON_NAME)
+    results = diagnosis_results(diagnosis)
+    if provenance is not None:
+        provenance = provenance.with_file("extended model", folder / MODEL_NAME)
+        results["provenance"] = provenance.results()
+    write_text(page(diagnosis, figures, provenance), folder / PAGE_NAME)
+    write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", folder / JSON_NAME)
 
 
 def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:

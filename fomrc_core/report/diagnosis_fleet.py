@@ -16,6 +16,7 @@ from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.report.diagnosis_files import write_report
+from fomrc_core.report.provenance import Provenance
 from fomrc_core.storage import make_directory, read_recording, write_text
 from fomrc_core.storage.record_work import RecordWork, WorkProgress, work_on
 
@@ -171,7 +172,8 @@ def _diagnose_record(path: Path, folder: Path, options: DiagnosisFleetOptions) -
     """Diagnose one record and write its report; the work of one worker."""
     columns = dict(options.columns) if options.columns else None
     found = diagnose(read_recording(path, columns=columns, rate_hz=options.rate_hz))
-    write_report(found, make_directory(folder / f"{path.name}{REPORT_SUFFIX}"))
+    origin = Provenance.of((), [("recording", path)])
+    write_report(found, make_directory(folder / f"{path.name}{REPORT_SUFFIX}"), origin)
     causes: dict[str, float | None] = {}
     for finding in found.findings:
         main = finding.parameters.get(cause_classes()[finding.cause].main_parameter)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.figure import Figure
 
 from fomrc_core.records.quality import DataQuality, FaultKind
+from fomrc_core.report.page_parts import prose
 from fomrc_core.report.residual_views import envelope
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def quality_section(diagnosis: Diagnosis) -> Iterator[str]:
     yield "<ul>"
     for quality in faulty:
         for fault in quality.faults:
-            yield f"<li>{html.escape(quality.name)}: {html.escape(str(fault))}</li>"
+            yield f"<li>{html.escape(quality.name)}: {prose(str(fault))}</li>"
     yield "</ul>"
 
 

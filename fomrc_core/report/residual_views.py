@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 _REST_SHARE = 1e-3  # of the mean step while the drive moves: less is rest
 _N_PER_BIN_MIN = 8
 _SEGMENT = 4096
+_LONGER = 4  # than its number of samples: an interpolated record
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +28,13 @@ class Binned:
         centres: mean of what it is looked at against.
         means: mean residual.
         spreads: standard deviation of the residual.
+        counts: number of samples.
     """
 
     centres: Array
     means: Array
     spreads: Array
+    counts: Array
 
 
 def loop_phase_deg(voltage_v: Array) -> Array:
@@ -74,7 +78,7 @@ def binned(against: Array, residual: Array, n_bins: int = 40, *, by_rank: bool =
     known = np.isfinite(against)
     x, y = against[known], residual[known]
     if x.size < _N_PER_BIN_MIN or float(np.ptp(x)) == 0.0:
-        return Binned(np.empty(0), np.empty(0), np.empty(0))
+        return Binned(np.empty(0), np.empty(0), np.empty(0), np.empty(0))
     shares = np.linspace(0.0, 1.0, n_bins + 1)
     edges = np.unique(np.quantile(x, shares) if by_rank else x.min() + np.ptp(x) * shares)
     bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
@@ -84,7 +88,7 @@ def binned(against: Array, residual: Array, n_bins: int = 40, *, by_rank: bool =
     means = np.bincount(bins, y, edges.size - 1) / divisor
     squares = np.bincount(bins, (y - means[bins]) ** 2, edges.size - 1) / divisor
     centres = np.bincount(bins, x, edges.size - 1) / divisor
-    return Binned(centres[kept], means[kept], np.sqrt(squares[kept]))
+    return Binned(centres[kept], means[kept], np.sqrt(squares[kept]), counts[kept].astype(np.float64))
 
 
 def amplitude_density(time_s: Array, residual: Array) -> tuple[Array, Array]:
@@ -93,6 +97,8 @@ def amplitude_density(time_s: Array, residual: Array) -> tuple[Array, Array]:
     Unequal steps are interpolated to their median; the mean is removed and frequency zero left out.
     """
     step_s = float(np.median(np.diff(time_s)))
+    # a pause does not make a record of seconds one of millions of samples
+    step_s = max(step_s, float(time_s[-1] - time_s[0]) / (_LONGER * time_s.size))
     n = int(np.floor((time_s[-1] - time_s[0]) / step_s + 0.5)) + 1
     even = np.interp(time_s[0] + step_s * np.arange(n), time_s, residual)
     frequency_hz, power = welch(even, fs=1.0 / step_s, nperseg=min(n, max(n // 4, 256), _SEGMENT), detrend="constant")
@@ -101,15 +107,26 @@ def amplitude_density(time_s: Array, residual: Array) -> tuple[Array, Array]:
 
 def envelope(time_s: Array, values: Array, n_points: int = 3000) -> tuple[Array, Array]:
     """Return a curve with few points that looks the same: the least and greatest value of each stretch."""
-    if values.size <= n_points:
-        return time_s, values
-    n_each = int(np.ceil(values.size / (n_points // 2)))
-    n = values.size // n_each * n_each
-    blocks = values[:n].reshape(-1, n_each)
-    index = np.sort(np.column_stack((blocks.argmin(axis=1), blocks.argmax(axis=1))), axis=1)
-    index = np.unique((index + n_each * np.arange(blocks.shape[0])[:, None]).ravel())
-    index = np.concatenate((index, np.arange(n, values.size)))
+    index = extreme_samples([values], n_points)
     return time_s[index], values[index]
+
+
+def extreme_samples(curves: Sequence[Array], n_points: int) -> NDArray[np.intp]:
+    """Return which samples to show of curves over one time: where each is least and greatest in each stretch.
+
+    Args:
+        curves: one or more, of shape (n_samples,).
+        n_points: about how many samples to return, all of them where there are no more.
+    """
+    size = curves[0].size
+    if size <= n_points:
+        return np.arange(size)
+    n_each = int(np.ceil(size / max(1, n_points // (2 * len(curves)))))
+    n = size // n_each * n_each
+    blocks = [values[:n].reshape(-1, n_each) for values in curves]
+    within = np.column_stack([place for block in blocks for place in (block.argmin(axis=1), block.argmax(axis=1))])
+    index = np.unique((within + n_each * np.arange(n // n_each)[:, None]).ravel())
+    return np.concatenate((index, np.arange(n, size)))
 
 
 def _rests(voltage_v: Array) -> NDArray[np.bool_]:

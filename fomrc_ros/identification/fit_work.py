@@ -14,6 +14,7 @@ from fomrc_core.records.recording import Recording
 
 if TYPE_CHECKING:  # the fits take seconds to import, and only the process that does the work needs them
     from fomrc_core.identification.convex import Fit
+    from fomrc_core.report.provenance import Provenance
 
 # What a diagnosis writes into its folder.
 DIAGNOSIS_FILES = ("diagnosis.json", "extended_model.yaml", "report.html")
@@ -206,5 +207,19 @@ def diagnose(request: DiagnosisRequest, tell: Tell) -> str:
     recordings, test = read_files(request.recordings)
     model = read_model(Path(request.model_path)) if request.model_path else None
     found = find_causes(recordings, test=test, model=model, progress=tell)
-    write_report(found, folder)
+    write_report(found, folder, _origin(request))
     return " ".join(str(found.summary()).split())
+
+
+def _origin(request: DiagnosisRequest) -> Provenance:
+    """Return where a diagnosis comes from: the files, and the command line that makes the same."""
+    from fomrc_core.report.provenance import Provenance
+
+    files = request.recordings
+    rate_hz = str(files.rate_hz) if files.rate_hz > 0.0 else ""
+    roles = [("recording", path) for path in files.paths]
+    roles += [(role, path) for role, path in (("test", files.test_path), ("model", request.model_path)) if path]
+    options = {"--test": files.test_path, "--model": request.model_path, "--columns": files.columns, "--rate": rate_hz}
+    options |= {"--topics": files.topics, "--output": request.output_folder}
+    words = [word for option, value in options.items() if value for word in (option, value)]
+    return Provenance.of(("fomrc", "diagnose", *files.paths, *words), roles)

@@ -87,6 +87,12 @@ def test_a_recording_prints_its_size_and_ranges(record: Recording) -> None:
     assert columns[0] == "voltage_v -2.5 to 2.5"
 
 
+def test_a_fit_shows_itself_in_a_notebook(fit: Fit) -> None:
+    assert all(line in fit._repr_html_() for line in ("creep order", "piezo model: 4 elements"))
+    (axes,) = fit.plot().axes
+    assert np.std(axes.get_lines()[0].get_ydata()) == pytest.approx(1e3 * fit.rms_um, rel=0.01)
+
+
 def test_a_drive_prints_its_size_and_range() -> None:
     assert str(triangle(slope_v_per_s=5.0, n_cycles=1, rate_hz=100.0)) == "triangle: 201 samples, 2 s, -2.5 to 2.5 V"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import re
 from collections.abc import Callable
@@ -25,9 +26,10 @@ from fomrc_core.errors import StorageError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.noise import NoiseFloor
 from fomrc_core.records.recording import Recording
-from fomrc_core.report.diagnosis_figures import records_figure, simulation_figure, where_figure
+from fomrc_core.report.diagnosis_figures import quoted_words, records_figure, simulation_figure, where_figure
 from fomrc_core.report.diagnosis_files import diagnosis_results, write_report
 from fomrc_core.report.diagnosis_page import page
+from fomrc_core.report.provenance import Provenance
 from fomrc_core.storage import read_model, write_recording
 
 _FILES = {"diagnosis.json", "extended_model.yaml", "report.html", "where_it_is_wrong.png"}
@@ -104,7 +106,7 @@ class _Page(HTMLParser):
         self.loaded += [value or "" for name, value in attrs if name in ("src", "href", "data", "action")]
 
     def handle_data(self, data: str) -> None:
-        if self.open[-1:] != ["style"]:
+        if self.open[-1:] not in (["style"], ["script"]):
             self.texts.append(data)
 
     def handle_endtag(self, tag: str) -> None:
@@ -172,8 +174,9 @@ def test_the_page_needs_nothing_else_and_says_what_matters(written: Path) -> Non
         kind, data = source.split(",", 1)
         assert kind == "data:image/png;base64"
         assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
-    assert "<script" not in content
-    assert not re.search(r"url\(|https?:", content)
+    markup = re.sub(r"<script.*?</script>", "", content, flags=re.DOTALL)
+    assert not re.search(r"url\(|https?:", markup)
+    assert len(content) < 3e6
     for said in (
         "Diagnosis: explained",
         "amplifier_bandwidth",
@@ -182,7 +185,7 @@ def test_the_page_needs_nothing_else_and_says_what_matters(written: Path) -> Non
         "2.5 % → 0.061 %",
         "97 % of what was above the noise",
         "<held> & out",
-        "delay_s above 2e-05 s",
+        "delay_s above 20 µs",
         "fomrc excite steps --levels 1,0",
         MainsHum.inverse_note,
         "2 nm rms",
@@ -207,6 +210,51 @@ def test_the_same_diagnosis_gives_the_same_files(written: Path, tmp_path: Path) 
         assert (tmp_path / name).read_bytes() == (written / name).read_bytes()
 
 
+def test_page_and_json_say_where_they_come_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    record = tmp_path / "a record.csv"
+    record.write_bytes(b"time_s,voltage_v\n")
+    origin = Provenance.of(("fomrc", "diagnose", "a record.csv", "--output", "."), [("recording", record)])
+    write_report(_diagnosis(), tmp_path, origin)
+    results = json.loads((tmp_path / "diagnosis.json").read_text())["provenance"]
+    assert (results["made_at"], results["command"]) == (
+        "1970-01-02T00:00:00Z",
+        "fomrc diagnose 'a record.csv' --output .",
+    )
+    assert results["versions"]["numpy"] == np.__version__
+    sums = {file["role"]: file["sha256"] for file in results["files"]}
+    model = (tmp_path / "extended_model.yaml").read_bytes()
+    assert sums == {
+        "recording": hashlib.sha256(record.read_bytes()).hexdigest(),
+        "extended model": hashlib.sha256(model).hexdigest(),
+    }
+    text = _Page((tmp_path / "report.html").read_text()).text
+    for said in (results["command"], results["made_at"], *sums.values(), f"numpy {np.__version__}"):
+        assert said in text
+
+
+def test_held_out_is_said_of_what_is_held_out() -> None:
+    apart, alone = _diagnosis(), _diagnosis(records=(_view("alone", "train", 0),), quoted_on="alone")
+    assert quoted_words(apart).startswith("<held> & out, held out of every fit")
+    assert quoted_words(alone) == "blocks held out of alone"
+    assert "held out" not in simulation_figure(replace(apart, quoted_on="train")).axes[0].get_title()
+    assert simulation_figure(alone).axes[0].get_title().endswith("but for blocks that were held out)")
+
+
+def test_results_show_themselves_in_a_notebook() -> None:
+    diagnosis = _diagnosis()
+    for result in (diagnosis, _MODEL):
+        shown = _Page(result._repr_html_()).text
+        assert " ".join(str(result).split()) in shown
+    figure = diagnosis.plot()
+    assert [axes.get_title() for axes in figure.axes] == ["<held> & out", "what is left"]
+    before_nm, after_nm = (line.get_ydata() for line in figure.axes[1].get_lines())
+    assert np.std(before_nm) > 20.0 * np.std(after_nm)
+    loop, over_time = _MODEL.plot(2.0).axes
+    assert np.max(loop.get_lines()[0].get_xdata()) == pytest.approx(2.0, rel=0.01)
+    assert (loop.get_xlabel(), over_time.get_xlabel()) == ("voltage [V]", "time [s]")
+
+
 def test_a_missing_folder_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="no such folder"):
         write_report(_diagnosis(), tmp_path / "none")
@@ -217,6 +265,7 @@ def test_axes_carry_units(make: Callable[[Diagnosis], Any]) -> None:
     figure = make(_diagnosis())
     figure.draw_without_rendering()
     for axes in figure.axes:
+        assert axes.get_title()
         if axes.get_yticks().size:
             assert re.search(r"\[.+\]", axes.get_ylabel()), axes.get_title()
     assert all(re.search(r"\[.+\]", axes.get_xlabel()) for axes in figure.axes[-1:])
