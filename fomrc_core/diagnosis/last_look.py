@@ -85,7 +85,7 @@ def _in_place_of(
     executor: Executor | None,
 ) -> list[Candidate]:
     """Return the candidates for what is left without a cause, beside all the others."""
-    # Six arguments: one search, looked at from within.
+    # Many arguments: one search, looked at from within.
     found = {step.accepted.cause for step in steps}
     lesser = refit(final.model.without(name), split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)

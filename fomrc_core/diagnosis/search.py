@@ -128,7 +128,7 @@ def _with_rival(
     share: float,
 ) -> _SearchState:
     """Return the state with another cause in the place of one: with what was found since it does better."""
-    # Seven arguments: one move of a search, and what it tells meanwhile.
+    # Many arguments: one move of a search, and what it tells meanwhile.
     tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
     steps = (*state.steps[:at], Step(state.steps[at].before, rival, (), ()))
     final = fit_until_still(rival.fitted.model, split.train, executor)
