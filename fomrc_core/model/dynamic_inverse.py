@@ -26,6 +26,7 @@ from fomrc_core.model.waveform import Waveform
 
 _MOST_ROUNDS = 20
 _NO_BETTER = 0.95  # of the error of the round before: what is left is what the band does not hold
+_ASKED_AT_ONCE = 0.01  # of the range
 _ENOUGH = 1e-7  # of the range, a tenth of a nanometre in a millimetre
 # The voltage begins where the target does, so that what it lacks in the first moments cannot be had: no round asks for
 # it. So many samples, the shortest swing in the band a few times over, and as long as the stage answers late.
@@ -75,7 +76,7 @@ class DynamicInverse:
             errors_um=errors_um,
             slow_v=chain.slow(wanted),
             not_inverted=left,
-            notes=tuple(chain.ringing_notes()),
+            notes=(*chain.ringing_notes(), *chain.start_notes(wanted)),
         )
 
 
@@ -103,15 +104,20 @@ class _KnownChain:
         return cls(undone, replace(model, effects=undone, start=None), core, course, repeated)
 
     @property
-    def n_first(self) -> int:
-        """Number of samples at the start in which the target cannot be reached."""
+    def n_late(self) -> int:
+        """Number of samples by which the stage answers late to slow motion."""
         late_s = 0.0
         slow_hz = FLAT / self.course.step_s * 1e-3  # where a linear effect is but late
         for effect in self.effects:
             gain = effect.response(np.array([slow_hz]))
             if gain is not None:
                 late_s += float(-np.angle(gain[0]) / (2.0 * np.pi * slow_hz))
-        return min(_N_FIRST + int(np.ceil(max(late_s, 0.0) / self.course.step_s)), self.course.n_samples - 1)
+        return int(np.ceil(max(late_s, 0.0) / self.course.step_s))
+
+    @property
+    def n_first(self) -> int:
+        """Number of samples at the start in which the target cannot be reached."""
+        return min(_N_FIRST + self.n_late, self.course.n_samples - 1)
 
     def converged(self, desired_um: Array) -> tuple[Array, Array, Array]:
         """Return voltage, displacement and the error of each round [um rms], (n_rounds,); the best round's."""
@@ -170,6 +176,17 @@ class _KnownChain:
                 f"it is not held; --rate {at_hz / _RINGS_FROM:.3g} or more holds it"
             )
         return notes
+
+    def start_notes(self, desired_um: Array) -> list[str]:
+        """Return a line where a target asks for something before the stage can answer."""
+        moved_um = float(np.ptp(desired_um[: self.n_late + 2]))
+        begins_um = float(desired_um[0])
+        if self.course.is_periodic or max(abs(begins_um), moved_um) <= _ASKED_AT_ONCE * float(np.ptp(desired_um)):
+            return []
+        return [
+            f"the target begins {begins_um:.4g} um from the relaxed stage and moves {moved_um:.4g} um in the first "
+            f"{1e3 * (self.n_late + 1) * self.course.step_s:.3g} ms, too soon to be followed: begin with a rest at 0 um"
+        ]
 
     def _undone(self, effect: Effect, values: Array) -> Array:
         found = effect.undo_known(values, self.repeated)
