@@ -10,13 +10,14 @@ import typer
 
 from fomrc_core.cli.axes_commands import benchmark, identify_axes
 from fomrc_core.cli.check_command import check
+from fomrc_core.cli.compensate_command import compensate
 from fomrc_core.cli.data_commands import doctor, import_file
 from fomrc_core.cli.example_commands import compare, data, demo, reproduce
 from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
-from fomrc_core.cli.model_commands import compensate, simulate
+from fomrc_core.cli.model_commands import simulate
 from fomrc_core.cli.options import COMMAND
 from fomrc_core.cli.view_command import view
 from fomrc_core.cli.watch_command import watch

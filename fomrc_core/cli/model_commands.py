@@ -1,4 +1,4 @@
-"""``fomrc simulate`` and ``fomrc compensate``: a model forwards and backwards."""
+"""``fomrc simulate``: a model forwards."""
 
 from __future__ import annotations
 
@@ -83,29 +83,3 @@ def simulate(
     if np.ptp(record.displacement_um) > 0.0:
         error_percent = nrmse_percent(record.displacement_um, simulated_um)
         say(f"NRMSE {error_percent:.4g} % (rms {1e3 * rms(results['residual_um']):.4g} nm)")
-
-
-def compensate(
-    model: ModelFile,
-    target: Annotated[Path, typer.Option("--input", "-i", metavar="TARGET.csv", help="Columns time_s and desired_um.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="V.csv", help="Where to write.")],
-) -> None:
-    """Find the voltage that makes an actuator, relaxed at first, follow a desired displacement.
-
-    Writes time_s, voltage_v and desired_um. What a model holds beside hysteresis and creep is inverted where
-    it can be; what is not is named, with the reason.
-    """
-    from fomrc_core.model.compensator import Compensator
-    from fomrc_core.records.recording import Recording
-    from fomrc_core.storage import check_outputs, read_model, read_target, write_columns
-
-    check_outputs({"--output": output}, [model, target])
-    compensator = Compensator(read_model(model))
-    time_s, desired_um = read_target(target)
-    # A recording only for its steps: the length of the first is a convention kept there.
-    steps_s = Recording(time_s, desired_um, name=target.name).steps_s
-    voltage_v = compensator.run(steps_s, desired_um)
-    write_columns({"time_s": time_s, "voltage_v": voltage_v, "desired_um": desired_um}, output)
-    for name, reason in compensator.not_inverted:
-        say(f"{name}: {reason}" if reason.startswith("not inverted") else f"{name} is not inverted: {reason}")
-    say(f"voltage between {voltage_v.min():.4g} and {voltage_v.max():.4g} V; the actuator is taken as relaxed at first")

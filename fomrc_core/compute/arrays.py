@@ -12,3 +12,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 Mask: TypeAlias = NDArray[np.bool_]
 """Which of the samples."""
+
+ComplexArray: TypeAlias = NDArray[np.complex128]
+"""Gains at frequencies, of any shape."""

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import run_lag
@@ -78,6 +79,10 @@ class AmplifierBandwidth(Effect):
         before = np.concatenate((state[:1], values[:-1]))
         state[0] = state[1] = values[-1]
         return values + self.time_constant_s * (values - before) / steps_s
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return 1 / (1 + i f / f_c) [1] at frequencies [Hz]."""
+        return np.asarray(1.0 / (1.0 + 1j * frequency_hz / self.cutoff_hz))
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

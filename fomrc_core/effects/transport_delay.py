@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_delay
@@ -92,6 +93,10 @@ class TransportDelay(Effect):
                 allowed=f"up to {DELAY_CAPACITY - 1} steps, substeps counted",
             )
         return out
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return exp(-2 pi i f T) [1] at frequencies [Hz]."""
+        return np.asarray(np.exp(-2j * np.pi * frequency_hz * self.delay_s))
 
     def is_null(self) -> bool:
         """Return whether nothing is delayed."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
@@ -107,6 +108,11 @@ class UnequalLag(Effect):
         state[0] = state[1] = values[-1]
         change = values - before
         return values + np.where(change > 0.0, self.rising_s, self.falling_s) * change / steps_s
+
+    def undo_known(self, wanted: Array, course: Course) -> Array:
+        """Return the drive [V] that gives the wanted output, by its rate at the samples themselves."""
+        rate = course.rate(wanted)
+        return wanted + np.where(rate > 0.0, self.rising_s, self.falling_s) * rate
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

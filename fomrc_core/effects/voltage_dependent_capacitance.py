@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
@@ -120,6 +121,11 @@ class VoltageDependentCapacitance(Effect):
         state[0] = state[1] = values[-1]
         capacitance = np.maximum(1.0 + self.per_v * values, _LEAST_CAPACITANCE)
         return np.asarray(values + self.time_constant_s * capacitance * (values - before) / steps_s)
+
+    def undo_known(self, wanted: Array, course: Course) -> Array:
+        """Return the drive [V] that gives the wanted voltage, by its rate at the samples themselves."""
+        capacitance = np.maximum(1.0 + self.per_v * wanted, _LEAST_CAPACITANCE)
+        return np.asarray(wanted + self.time_constant_s * capacitance * course.rate(wanted))
 
     def scale_of(self, name: str, value: float) -> float:
         """Return a unit for a capacitance that does not change."""

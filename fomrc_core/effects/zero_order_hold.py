@@ -7,7 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.compute.compiled import compiled
+from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
@@ -15,6 +17,7 @@ from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateFi
 _MOST_SAMPLES = 20  # held longer, each level is seen in the displacement itself
 _N_TRIALS = 2
 _N_PARTS_JUMPING = 16  # of what a hold does to a lag of two samples a part this wide misses a twentieth
+_LONGEST_UNDONE = 1.5  # samples, where a hold is one to which the clocks of command and converter do not quite agree
 
 
 @compiled
@@ -79,6 +82,20 @@ class ZeroOrderHold(Effect):
         out = np.empty(values.size)
         _run_hold(state, self.hold_s, values, steps_s, out)
         return out
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return sinc(f T) exp(-i pi f T) [1] at frequencies [Hz], of a hold as long as the samples are apart."""
+        along = frequency_hz * self.hold_s
+        return np.asarray(np.sinc(along) * np.exp(-1j * np.pi * along))
+
+    def undo_known(self, wanted: Array, course: Course) -> Array | None:
+        """Return the samples [V] whose holds give what is wanted; None for holds of several samples.
+
+        Those turn a course into another at other frequencies, which no filter undoes.
+        """
+        if self.hold_s > _LONGEST_UNDONE * course.step_s:
+            return None
+        return super().undo_known(wanted, course)
 
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something behind the hold sees its jumps, spread over a part on either side."""

@@ -8,8 +8,10 @@ __all__ = [
     "axes",
     "causes",
     "compensator",
+    "dynamic_inverse",
     "influence_matrix",
     "kernels",
+    "known_target",
     "literal_model",
     "piezo_model",
     "plain_kernels",
@@ -19,4 +21,5 @@ __all__ = [
     "state",
     "streaming",
     "substeps",
+    "waveform",
 ]

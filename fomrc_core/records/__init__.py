@@ -4,6 +4,7 @@ What a drive of a certain shape is (turning points, kinds of loops, repeats) is 
 """
 
 __all__ = [
+    "arguments",
     "drive",
     "excitation",
     "noise",

@@ -11,7 +11,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.cause import Cause
+from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.covariates import Covariate
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.parameter import Parameter
@@ -52,8 +54,6 @@ class Effect(Cause):
 
     # --- in the chain
 
-    # --- in the chain
-
     def __str__(self) -> str:
         values = ((spec.name, getattr(self, spec.name)) for spec in self.parameters)
         shown = (f"{name}: {len(v)} values" if isinstance(v, tuple) else f"{name} {v:.5g}" for name, v in values)
@@ -84,6 +84,32 @@ class Effect(Cause):
             ParameterError: the effect has no inverse.
         """
         raise ParameterError("effect has no inverse", where=self.name, allowed=self.inverse_note)
+
+    def response(self, frequency_hz: Array) -> ComplexArray | None:
+        """Return the complex gain [1] of a linear effect at frequencies [Hz], of one shape; None where it has none.
+
+        In continuous time: how the simulation divides steps is none of its business.
+        """
+        return None
+
+    def undo_known(self, wanted: Array, course: Course) -> Array | None:
+        """Return the input that gives a wanted output known as a whole; None where the effect is left as it is.
+
+        Near is near enough: whoever asks compares what the chain then gives with what was wanted, and asks again. So an
+        effect that changes little may return what is wanted. What needs the future takes it from the samples to come.
+
+        Args:
+            wanted: output [V] or [um], whichever the stage carries, shape (n_samples,).
+            course: its samples.
+        """
+        if self.response(np.zeros(1)) is not None:
+            return course.undone(wanted, self._gain)
+        return self.invert(self.initial_state(), wanted, course.steps_s) if self.can_invert else None
+
+    def _gain(self, frequency_hz: Array) -> ComplexArray:
+        gain = self.response(frequency_hz)
+        assert gain is not None
+        return gain
 
     def warp(self, drive_v: Array) -> Array:
         """Return the drive [V] as the elements see it; only effects of the hysteresis stage are asked."""

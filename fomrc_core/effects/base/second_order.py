@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.arrays import Array, ComplexArray
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Effect
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
@@ -74,6 +74,12 @@ class SecondOrder(Effect):
         out = np.empty(values.size)
         run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
         return out if self.share == 1.0 else values + self.share * (out - values)
+
+    def response(self, frequency_hz: Array) -> ComplexArray:
+        """Return 1 - p + p w^2 / (w^2 - v^2 + 2 i d w v) [1] at frequencies [Hz], with the share p that passes."""
+        part = frequency_hz / self.frequency_hz
+        swing = 1.0 / (1.0 - part**2 + 2j * self.damping_ratio * part)
+        return np.asarray(1.0 - self.share + self.share * swing)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

@@ -1,0 +1,103 @@
+"""A course that is known as a whole: evenly sampled, so that linear effects are undone by their frequency response.
+
+What is undone here takes what needs the future from the samples to come. Between the samples a converter goes straight,
+which no frequency response of the samples holds: near half the sample rate the inverse would follow its own zeros, so
+nothing is undone there (``FLAT``, ``GONE``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from fomrc_core.compute.arrays import Array, ComplexArray
+
+# Of the sample rate: up to the first all is undone, beyond the second nothing. A straight line from sample to sample
+# differs from the course it stands for by 1 - sinc^2: 13 % at the first, half at the second.
+FLAT, GONE = 0.2, 0.4
+_LEAST_PAD = 2048  # samples beyond either end
+_PAD = 0.25  # of the course, beyond either end
+
+Gain = Callable[[Array], ComplexArray]
+
+
+def low_pass(frequency_hz: Array, flat_hz: float, gone_hz: float) -> Array:
+    """Return the gain of a zero-phase low-pass [1]: one, a half cosine, zero; no overshoot worth the name.
+
+    Args:
+        frequency_hz: frequencies [Hz], any shape.
+        flat_hz: up to here all passes [Hz].
+        gone_hz: from here on nothing does [Hz], above ``flat_hz``.
+    """
+    along = np.clip((frequency_hz - flat_hz) / (gone_hz - flat_hz), 0.0, 1.0)
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * along))
+
+
+@dataclass(frozen=True)
+class Course:
+    """The even samples of a course that is known as a whole.
+
+    Attributes:
+        n_samples: number of samples.
+        step_s: their distance [s].
+        is_periodic: whether the sample after the last is the first; else it has ends.
+    """
+
+    n_samples: int
+    step_s: float
+    is_periodic: bool = False
+
+    @property
+    def steps_s(self) -> Array:
+        """Step that leads to each sample [s], shape (n_samples,)."""
+        return np.full(self.n_samples, self.step_s)
+
+    def tiled(self, n_periods: int) -> Course:
+        """Return the course that repeats this one."""
+        return Course(n_periods * self.n_samples, self.step_s, self.is_periodic)
+
+    def filtered(self, values: Array, gain: Gain) -> Array:
+        """Return values that have passed a linear filter, shape (n_samples,).
+
+        Args:
+            values: shape (n_samples,).
+            gain: complex gain at frequencies [Hz], of one shape.
+        """
+        if self.is_periodic:
+            n_before, padded = 0, values
+        else:
+            n_before, padded = self._padded(values)
+        frequency_hz = rfftfreq(padded.size, self.step_s)
+        passed = irfft(rfft(padded) * gain(frequency_hz), padded.size)
+        return np.ascontiguousarray(passed[n_before : n_before + self.n_samples])
+
+    def undone(self, values: Array, response: Gain) -> Array:
+        """Return what a linear effect turns into these values, in the band that samples hold, shape (n_samples,)."""
+        return self.filtered(values, lambda frequency_hz: self._band(frequency_hz) / response(frequency_hz))
+
+    def in_band(self, values: Array) -> Array:
+        """Return values less what is beyond the band, shape (n_samples,)."""
+        return self.filtered(values, lambda frequency_hz: self._band(frequency_hz).astype(np.complex128))
+
+    def rate(self, values: Array) -> Array:
+        """Return the rate of change [1/s] at each sample, shape (n_samples,)."""
+        return self.filtered(values, lambda frequency_hz: self._band(frequency_hz) * (2j * np.pi * frequency_hz))
+
+    def _band(self, frequency_hz: Array) -> Array:
+        return low_pass(frequency_hz, FLAT / self.step_s, GONE / self.step_s)
+
+    def _padded(self, values: Array) -> tuple[int, Array]:
+        # Beyond either end it goes on point-symmetrically, without a corner of its own where it is cut in mid-motion;
+        # then it is held, and returns smoothly from the last value to the first: a transform knows circles alone.
+        n_pad = max(_LEAST_PAD, int(_PAD * values.size))
+        n_mirror = min(values.size - 1, n_pad)
+        n_all = next_fast_len(values.size + 3 * n_pad, real=True)
+        n_return = n_all - values.size - 2 * n_pad
+        start = np.pad(2.0 * values[0] - values[n_mirror:0:-1], (n_pad - n_mirror, 0), mode="edge")
+        end = np.pad(2.0 * values[-1] - values[-2 : -2 - n_mirror : -1], (0, n_pad - n_mirror), mode="edge")
+        back = 0.5 + 0.5 * np.cos(np.pi * (np.arange(n_return) + 0.5) / n_return)
+        returning = start[0] + (end[-1] - start[0]) * back
+        return n_pad, np.concatenate((start, values, end, returning))
