@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from fomrc_core.control.plausible_model import check_plausible
 from fomrc_core.errors import FomrcError
@@ -26,6 +26,9 @@ LARGEST_UNEXPLAINED_SHARE = 0.25
 _OUTLIER_DEVIATIONS = 8.0
 LARGEST_OUTLIER_SHARE = 1e-3
 _MAD_TO_DEVIATION = 1.4826
+# An outlier stands apart from the readings about it. Where a model errs for a while (at the start of a record, after a
+# voltage that was held up) the readings are as they should be: what lasts longer than half of this is no outlier.
+_N_ABOUT = 41
 # On a busy machine a displacement is paired with a voltage some samples early or late; what that explains is no
 # outlier of the sensor. So many periods a message waits where a loop is late but not stopped.
 _N_SAMPLES_LATE = 5
@@ -74,19 +77,20 @@ def why_refused(model: PiezoModel, recording: Recording, *, in_force: PiezoModel
 
 
 def outlier_share(error_um: Array, predicted_um: Array) -> float:
-    """Return the share of errors that neither noise nor a sample taken early or late explains.
+    """Return the share of errors that neither noise nor a sample taken early or late explains, nor those about them.
 
     Args:
         error_um: errors [um], shape (n_samples,).
         predicted_um: what was predicted at the same times [um], shape (n_samples,).
     """
-    deviations = np.abs(error_um - np.median(error_um))
-    limit = _OUTLIER_DEVIATIONS * _MAD_TO_DEVIATION * float(np.median(deviations))
-    if not limit > 0.0:
-        return 0.0
     near = 2 * _N_SAMPLES_LATE + 1
     passed_um = maximum_filter1d(predicted_um, near) - minimum_filter1d(predicted_um, near)
-    return float(np.mean(deviations > limit + passed_um))
+    is_outlier = np.ones(error_um.size, dtype=np.bool_)
+    for usual_um in (np.median(error_um), median_filter(error_um, _N_ABOUT, mode="nearest")):
+        deviations = np.abs(error_um - usual_um)
+        limit = _OUTLIER_DEVIATIONS * _MAD_TO_DEVIATION * float(np.median(deviations))
+        is_outlier &= (deviations > limit + passed_um) & (limit > 0.0)
+    return float(np.mean(is_outlier))
 
 
 def _why_worse(error_um: Array, in_force_error_um: Array) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_model import MODEL
 
-from fomrc_core.control.model_gate import why_refused
+from fomrc_core.control.model_gate import outlier_share, why_refused
 from fomrc_core.control.plausible_model import check_plausible
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.piezo_model import PiezoModel
@@ -84,3 +84,14 @@ def test_a_model_worse_than_the_one_in_force_is_refused():
 def test_what_no_piezo_has_is_implausible(change):
     with pytest.raises(ParameterError, match="implausible"):
         check_plausible(PiezoModel.from_mapping(MODEL | change))
+
+
+def test_a_model_that_errs_for_a_while_has_no_outliers():
+    """A stretch in which a voltage was held up: 60 of 3000 samples are off by forty times the noise, together."""
+    generator = np.random.default_rng(7)
+    error_um = 1e-3 * generator.standard_normal(3000)
+    error_um[1000:1060] += 0.04 * np.exp(-np.arange(60) / 40.0)
+    still_um = np.zeros(3000)
+    assert outlier_share(error_um, still_um) == 0.0
+    error_um[generator.choice(3000, 30, replace=False)] += 0.1
+    assert outlier_share(error_um, still_um) == pytest.approx(0.01, abs=1e-3)
