@@ -26,12 +26,12 @@ LARGEST_UNEXPLAINED_SHARE = 0.25
 _OUTLIER_DEVIATIONS = 8.0
 LARGEST_OUTLIER_SHARE = 1e-3
 _MAD_TO_DEVIATION = 1.4826
-# An outlier stands apart from the readings about it. Where a model errs for a while (at the start of a record, after a
-# voltage that was held up) the readings are as they should be: what lasts longer than half of this is no outlier.
-_N_ABOUT = 41
 # On a busy machine a displacement is paired with a voltage some samples early or late; what that explains is no
 # outlier of the sensor. So many periods a message waits where a loop is late but not stopped.
 _N_SAMPLES_LATE = 5
+# An outlier stands apart from the readings about it, these few to either side. Where a model errs for a while (at the
+# start of a record, after a voltage that was held up) it is the model, and the readings are as they should be.
+_N_ABOUT = 2 * _N_SAMPLES_LATE + 1
 
 
 def model_error_um(model: PiezoModel, recording: Recording) -> Array:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, clean, model_file
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
 from small_model import MODEL
 from std_msgs.msg import Float64, String
 
@@ -17,7 +19,9 @@ from fomrc_core.storage import read_model
 
 RATE_HZ = 250.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-QUICK = {"learn_s": 10.0, "follow_s": 6.0, "memory_s": 60.0, "output_folder": "seen"}
+NAME = "/watch"
+_ATTEMPTS, _HELD_UP_S = 4, 0.05
+QUICK = {"learn_s": 10.0, "follow_s": 6.0, "memory_s": 60.0}
 
 
 def swing_m(t: float) -> float:
@@ -28,9 +32,8 @@ def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, sp
     file = model_file(tmp_path / "model.yaml", stale_after_s=0.0)
     start("compensator", file, rate_hz=RATE_HZ)
     spoilt("sound", "--stamped")
-    watch = start("watch", tmp_path / "model.yaml", auto_apply=True, interface="joint_state", **QUICK)
+    heard, moved = probe.record("voltage"), probe.record("displacement", JointState)
     told: list[dict] = []
-    probe.subscribe(String, f"{watch.name}/changes", lambda _, m: told.append(json.loads(m.data)), LATCHED)
     scale = probe.publisher("sensor_scale")
     targets = probe.publisher("desired_position")
     driven = {"s": 0.0}
@@ -38,24 +41,44 @@ def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, sp
     def drive_until(condition, what: str) -> None:
         deadline_s = driven["s"] + PATIENCE_S
         while not condition():
-            assert driven["s"] < deadline_s, f"{what}: {probe.messages.get(watch.name)}\n{watch.output()}"
+            assert driven["s"] < deadline_s, f"{what}: {probe.messages.get(NAME)}"
             probe.drive(targets, lambda t: swing_m(t + driven["s"]), 1.0)
             driven["s"] += 1.0
 
-    drive_until(lambda: probe.diagnostics.get(watch.name, {}).get("state") == "watching", "learning what is normal")
-    before_s = driven["s"]
-    drive_until(lambda: driven["s"] > before_s + 5.0, "normal work")
+    def drive_for(duration_s: float) -> None:
+        until_s = driven["s"] + duration_s
+        drive_until(lambda: driven["s"] >= until_s, "normal work")
+
+    def is_watching() -> bool:
+        return probe.diagnostics.get(NAME, {}).get("state") == "watching"
+
+    # What is normal is learnt within seconds here. Where a busy machine held a process up meanwhile that is normal,
+    # too, and it is learnt once more, a few times.
+    for attempt in range(_ATTEMPTS):
+        folder = tmp_path / f"seen{attempt}"
+        heard.clear()
+        moved.clear()
+        watch = start("watch", file, auto_apply=True, interface="joint_state", output_folder=folder.name, **QUICK)
+        probe.diagnostics.pop(NAME, None)
+        drive_until(is_watching, "learning what is normal")
+        drive_for(5.0)
+        longest_s = max(float(np.max(np.diff([sent_s for sent_s, _ in entries]))) for entries in (heard, moved))
+        if longest_s < _HELD_UP_S or attempt == _ATTEMPTS - 1:
+            break
+        assert watch.stop() == 0
+    probe.subscribe(String, f"{watch.name}/changes", lambda _, m: told.append(json.loads(m.data)), LATCHED)
+    probe.until(lambda: told, "what has changed so far")
     assert probe.levels[watch.name] == DiagnosticStatus.OK, probe.messages[watch.name]
     assert told[-1] == {"changes": []}
+    before_s = driven["s"]
     scale.publish(Float64(data=0.8))
     drive_until(lambda: told and told[-1]["changes"], "the change")
     change = told[-1]["changes"][0]
-    print(f"seen after {driven['s'] - before_s - 5.0:.0f} s: {change['cause']}, {change['causes'][0]}")
+    print(f"seen after {driven['s'] - before_s:.0f} s: {change['cause']}, {change['causes'][0]}")
     assert change["cause"] == "sensor_scale"
     assert change["causes"][0]["parameters"]["relative_change"] == pytest.approx(-0.2, abs=0.02)
     assert change["data_after"]["is_better"]
     assert probe.levels[watch.name] == DiagnosticStatus.WARN
-    folder = tmp_path / "seen"
     assert "sensor_scale" in (folder / "watch.log").read_text()
     assert len((folder / "watch.log").read_text().splitlines()) == 1
     assert "sensor_scale" in (folder / "change_1" / "change.html").read_text()
