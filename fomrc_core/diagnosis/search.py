@@ -34,6 +34,7 @@ MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
 _AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
+_MUCH_LEFT = 4.0  # times the noise's power, slow noise that no repeat shows among it
 _PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 
@@ -113,7 +114,9 @@ class _SearchState:
 
 
 def _last_look(state: _SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None) -> LastLook:
-    if not split.is_telling:  # a loop that only repeats: whatever did nearly as well is tied already
+    # In a loop that only repeats whatever did nearly as well is tied already; and where much is left nothing is
+    # explained, whoever does as well.
+    if not split.is_telling or state.final.squared_error > _MUCH_LEFT * split.noise_um**2 * split.n_used:
         return LastLook(state.steps, None)
     return looked_at_last(state.steps, state.final, split, causes, executor)
 
