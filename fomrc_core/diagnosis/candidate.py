@@ -95,7 +95,13 @@ def candidates_for(
         screened: the screening's trial instances.
         executor: runs refits side by side where given.
     """
-    by_cause = _worth_a_refit(present, split, screened)
+    return refitted(present, split, worth_a_refit(present, split, screened), executor)
+
+
+def refitted(
+    present: PresentModel, split: DataSplit, by_cause: list[list[Screened]], executor: Executor | None
+) -> list[Candidate]:
+    """Return the causes of these trial instances after their joint refits, the most gaining first."""
     run = map if executor is None else executor.map
     begun = [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
     least_um2 = min((first.fits[0][0].squared_error for first in begun), default=math.inf)
@@ -119,7 +125,7 @@ def _is_open(candidate: Candidate, best_gain: float) -> bool:
     return behind < (_NEAR if candidate.fitted.is_converged else _STILL_OPEN)
 
 
-def _worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
+def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
     """Return the trial instances of each cause that may explain much, the likeliest first."""
     error = present.squared_error
     inflation = residual_inflation(present.residuals_um, split.train)

@@ -40,7 +40,12 @@ class LastLook:
 
 
 def looked_at_last(
-    steps: Sequence[Step], final: Refit, split: DataSplit, causes: Sequence[str], executor: Executor | None
+    steps: Sequence[Step],
+    final: Refit,
+    split: DataSplit,
+    causes: Sequence[str],
+    executor: Executor | None,
+    is_hasty: bool = False,
 ) -> LastLook:
     """Return the acceptances beside those that might stand in their places at the end.
 
@@ -52,6 +57,7 @@ def looked_at_last(
         split: records.
         causes: names to try.
         executor: runs refits side by side where given.
+        is_hasty: whether only those are asked of which nobody was sure when they were accepted.
     """
     held = held_residuals(final.model, split.held)
     found = frozenset(step.accepted.cause for step in steps)
@@ -59,6 +65,8 @@ def looked_at_last(
     for at, step in enumerate(steps):
         name = step.accepted.cause
         if at == len(steps) - 1 and not math.isnan(step.margin):
+            continue
+        if is_hasty and step.margin > SURE:
             continue
         if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
             continue

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
-from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
+from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     SURE,
@@ -35,6 +35,7 @@ _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
 _AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
 _MUCH_LEFT = 4.0  # times the noise's power, slow noise that no repeat shows among it
+_MAX_TIERS = 2  # of a round: each costs its refits
 _PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 
@@ -83,22 +84,28 @@ def search(
         candidates, chosen = [], None
         if len(state.steps) < MAX_FINDINGS:
             tell(share + 0.05, "refit of the likely causes")
-            candidates = candidates_for(present, split, screened, executor)
-            chosen = _chosen(state, candidates, split, wanted, len(causes), executor)
+            candidates, chosen = _asked(state, present, split, screened, len(causes), executor)
+            chosen = chosen or _with_pair(state, candidates, split, wanted, len(causes), executor)
         if chosen is None:
             tell(share + 0.07, "other causes in the place of those found")
             look = _last_look(state, split, causes, executor)
             if look.better is None or number == _MAX_ROUNDS - 1:
                 runner_up = candidates[0] if candidates else None
                 return SearchResult(state.model, look.steps, state.final, screened, runner_up)
-            state = _with_rival(state, *look.better, split, executor, tell, share)
+            at, rival = look.better
+            # it was found beside all the others
+            beside = (state.steps[:at], state.steps[at + 1 :])
+            state = _with_rival(state, at, rival, beside, split, executor)
             continue
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         state = _with_finding(state, accepted, candidates, split, executor)
         better = _better_rival(state, split, causes, executor)
         if better is not None:
-            state = _with_rival(state, *better, split, executor, tell, share)
+            at, rival = better
+            tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
+            # it was found beside those before it
+            state = _with_rival(state, at, rival, (state.steps[:at], ()), split, executor)
     look = _last_look(state, split, causes, executor)
     return SearchResult(state.model, look.steps, state.final, screened, None)
 
@@ -114,32 +121,68 @@ class _SearchState:
 
 
 def _last_look(state: _SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None) -> LastLook:
-    # In a loop that only repeats whatever did nearly as well is tied already; and where much is left nothing is
-    # explained, whoever does as well.
-    if not split.is_telling or state.final.squared_error > _MUCH_LEFT * split.noise_um**2 * split.n_used:
+    # In a loop that only repeats whatever did nearly as well is tied already.
+    if not split.is_telling:
         return LastLook(state.steps, None)
-    return looked_at_last(state.steps, state.final, split, causes, executor)
+    # Where much is left nothing is explained, whoever does as well: there it is asked for a way on.
+    is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um**2 * split.n_used
+    return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left)
 
 
 def _with_rival(
     state: _SearchState,
     at: int,
     rival: Candidate,
+    beside: tuple[tuple[Step, ...], tuple[Step, ...]],
     split: DataSplit,
     executor: Executor | None,
-    tell: Tell,
-    share: float,
 ) -> _SearchState:
-    """Return the state with another cause in the place of one: with what was found since it does better."""
-    # Many arguments: one move of a search, and what it tells meanwhile.
-    tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
-    steps = (*state.steps[:at], Step(state.steps[at].before, rival, (), ()))
+    """Return the state with another cause in the place of one: with what was found since it does better.
+
+    Args:
+        state: the state so far.
+        at: place of the one.
+        rival: the other, fitted beside those before and behind it.
+        beside: the acceptances before and behind it that its model has.
+        split: records.
+        executor: runs refits side by side where given.
+    """
+    steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
     final = fit_until_still(rival.fitted.model, split.train, executor)
     tried = frozenset(step.accepted.cause for step in steps)
     return _SearchState(follow_held(final.model, split), steps, final, tried)
 
 
-def _chosen(
+def _asked(
+    state: _SearchState,
+    present: PresentModel,
+    split: DataSplit,
+    screened: tuple[Screened, ...],
+    n_causes: int,
+    executor: Executor | None,
+) -> tuple[list[Candidate], tuple[_SearchState, Candidate] | None]:
+    """Return the candidates, and the one to accept with the state before it, None where there is none.
+
+    What looks less likely beside the likeliest is asked where of those none is a finding.
+    """
+    # Many arguments: one move of a search.
+    candidates: list[Candidate] = []
+    for _ in range(_MAX_TIERS):
+        by_cause = worth_a_refit(present, split, screened)
+        tier = refitted(present, split, by_cause, executor)
+        candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
+        accepted = next((c for c in tier if is_accepted(c, n_causes)), None)
+        if accepted is not None:
+            likeliest = likelier(accepted, candidates, split, n_causes)
+            return candidates, (state, simplest(likeliest, candidates, split, n_causes))
+        asked = {trials[0].name for trials in by_cause}
+        screened = tuple(trial for trial in screened if trial.name not in asked)
+        if not asked or state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
+            break
+    return candidates, None
+
+
+def _with_pair(
     state: _SearchState,
     candidates: list[Candidate],
     split: DataSplit,
@@ -147,11 +190,8 @@ def _chosen(
     n_causes: int,
     executor: Executor | None,
 ) -> tuple[_SearchState, Candidate] | None:
-    """Return the candidate to accept, and the state before it: with a first of a pair where one alone does not do."""
-    accepted = next((c for c in candidates if is_accepted(c, n_causes)), None)
-    if accepted is not None:
-        likeliest = likelier(accepted, candidates, split, n_causes)
-        return state, simplest(likeliest, candidates, split, n_causes)
+    """Return a second candidate to accept, and the state with the first of the pair, where one alone does not do."""
+    # Many arguments: one move of a search.
     pair = _second_of_pair(state.model, candidates[0], split, wanted, executor) if candidates else None
     if pair is None or not is_accepted(pair[1], n_causes):
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -124,3 +125,62 @@ def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSp
     assert [c.cause for c in decision.still_tied(chain, tied, apart)] == ["dead_zone"]
     # blocks of its own record are no other record
     assert decision.still_tied(chain, tied, split) == tied
+
+
+@pytest.mark.parametrize("left", [100.0, 1.0])
+def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_much_is_left(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float
+) -> None:
+    load = replace(_contender(split, "external_load", 5.0, 5.0), is_plausible=False)
+    leak = _contender(split, "charge_leak", 2.0, 2.0)
+    tiers = {("external_load", "charge_leak"): [load], ("charge_leak",): [leak], (): []}
+    trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
+    monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
+    monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
+
+    def names_from(first: str) -> tuple[str, ...]:
+        names = tuple(t.name for t in trials)
+        return names[names.index(first) :]
+
+    final = replace(leak.fitted, squared_error=left * split.noise_um**2 * split.n_used)
+    state = search._SearchState(final.model, (), final, frozenset())
+    candidates, chosen = search._asked(state, None, split, trials, 18, None)  # type: ignore[arg-type]
+    if left > search._MUCH_LEFT:
+        assert chosen is not None
+        assert chosen[1].cause == "charge_leak"
+        assert [c.cause for c in candidates] == ["external_load", "charge_leak"]
+    else:
+        assert chosen is None
+        assert candidates == [load]
+
+
+def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second, rival = (_contender(split, c, 4.0, 4.0) for c in ("unequal_lag", "dead_zone", "transport_delay"))
+    start = first.fitted.model
+    steps = tuple(search.Step(start, c, (), ()) for c in (first, second))
+    answers = iter([search.LastLook(steps, (0, rival)), search.LastLook((), None)])
+    seen: list[tuple[str, ...]] = []
+
+    def look(state: search._SearchState, *_: object) -> search.LastLook:
+        seen.append(tuple(step.accepted.cause for step in state.steps))
+        return replace(next(answers), steps=state.steps)
+
+    monkeypatch.setattr(search, "_last_look", look)
+    monkeypatch.setattr(search, "screen", lambda *_: ())
+    found = iter([(first, "unequal_lag"), (second, "dead_zone")])
+
+    def asked(state: search._SearchState, *_: object) -> tuple[list[Candidate], object]:
+        candidate = next(found, (None, ""))[0]
+        return [], None if candidate is None else (state, candidate)
+
+    monkeypatch.setattr(search, "_asked", asked)
+    monkeypatch.setattr(
+        search,
+        "_with_finding",
+        lambda state, accepted, *_: replace(state, steps=(*state.steps, steps[len(state.steps)])),
+    )
+    result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)
+    assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone")]
+    assert [step.accepted.cause for step in result.steps] == ["transport_delay", "dead_zone"]

@@ -121,7 +121,10 @@ class Actuator:
             command_v = lsb * np.round(command_v / lsb)
         at = np.arange((command_v.size - 1) * m + 1) / m
         if "zero_order_hold" in effects:
-            fine = command_v[np.floor(at).astype(np.int64)]
+            # Straight between the nodes as all else: the jump is half done at its own node, or it would come half a
+            # fine step early.
+            before, after = np.ceil(at).astype(np.int64) - 1, np.floor(at).astype(np.int64)
+            fine = 0.5 * (command_v[np.maximum(before, 0)] + command_v[after])
         else:
             fine = np.interp(at, np.arange(command_v.size), command_v)
         for begin_s, end_s in circumstance.open_s if "intermittent_contact" in effects else ():
