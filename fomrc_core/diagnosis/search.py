@@ -81,7 +81,8 @@ def search(
         present = PresentModel.of(state.model, split)
         wanted = tuple(name for name in causes if name not in state.tried)
         screened = screen(present, wanted, held_view(state.model, split), executor)
-        candidates, chosen = [], None
+        candidates: list[Candidate] = []
+        chosen = None
         if len(state.steps) < MAX_FINDINGS:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, len(causes), executor)

@@ -78,9 +78,10 @@ class ClockSkew(Effect):
         """Return the displacement [um] at the sensor's true times, shape (n_samples,)."""
         kept = min(int(state[0]), _KEPT)
         old_times, old_values = state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept]
-        start = np.cumsum(np.concatenate((state[1:2], steps_s)))[1:]
+        start = np.concatenate((state[1:2], steps_s))
         if state[0] == 0.0:
-            start = start - steps_s[0]  # the first sample is the common zero of both clocks
+            start[1] = 0.0  # the first sample is the common zero of both clocks
+        start = np.cumsum(start)[1:]
         times = np.concatenate((old_times, start))
         drive = np.concatenate((old_values, values))
         wanted = start * (1.0 + 1e-6 * self.ppm)
