@@ -35,8 +35,9 @@ _TRAINING_COUNTS = 0.3
 _LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
 _MUCH_LEFT = 4.0  # times the noise's power: where nothing looks likely, the likeliest few are fitted all the same
 _UNPROMISING = 4  # of those few
-_STILL_OPEN = 1.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
-_NEAR = 0.15  # the same where a fit has converged on the plays it began with
+_STILL_OPEN = 3.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
+_NEAR = 0.15  # the same where a fit has converged and hardly moved: the plays it began with are those it needs
+_MOVED = 0.7  # logarithmic gain in training from which on the plays must be chosen anew, and perhaps once more
 _LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
@@ -122,7 +123,8 @@ def _is_open(candidate: Candidate, best_gain: float) -> bool:
     if candidate.is_bound or candidate.train_log_gain <= 0.0:
         return False
     behind = best_gain - candidate.total_gain
-    return behind < (_NEAR if candidate.fitted.is_converged else _STILL_OPEN)
+    is_settled = candidate.fitted.is_converged and candidate.train_log_gain < _MOVED
+    return behind < (_NEAR if is_settled else _STILL_OPEN)
 
 
 def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:

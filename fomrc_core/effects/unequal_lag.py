@@ -15,6 +15,8 @@ from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
+_LAGS = (0.15, 1.0, 8.0, 60.0)  # of trials, in samples: a lag of a part of a sample shows as well
+
 
 @compiled
 def _run_unequal(state: Array, rising_s: float, falling_s: float, values: Array, steps_s: Array, out: Array) -> None:
@@ -129,7 +131,7 @@ class UnequalLag(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[UnequalLag]:
-        """Return lags of some samples and of many, three times as long one way as the other."""
-        trials = [(n, ratio) for n in (1.0, 8.0) for ratio in (1.0 / 3.0, 3.0)]
+        """Return lags from a part of a sample to many, three times as long one way as the other."""
+        trials = [(n, ratio) for n in _LAGS for ratio in (1.0 / 3.0, 3.0)]
         step_s = evidence.sample_period_s
         return cls.proposed({"rising_s": n * step_s, "falling_s": n * ratio * step_s} for n, ratio in trials)

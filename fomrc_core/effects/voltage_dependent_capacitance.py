@@ -18,6 +18,7 @@ from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateFi
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
 _BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
 _MOST_PARTS = 64
+_LAGS = (0.15, 1.0, 8.0, 60.0)  # of trials, in samples: a lag of a part of a sample shows as well
 
 
 @compiled
@@ -152,9 +153,9 @@ class VoltageDependentCapacitance(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[VoltageDependentCapacitance]:
-        """Return lags of some samples and of many, half as long again at the largest voltage, or half as long."""
+        """Return lags from a part of a sample to many, half as long again at the largest voltage, or half as long."""
         step_s, reach_v = evidence.sample_period_s, max(abs(evidence.largest_v), abs(evidence.smallest_v))
         if not reach_v > 0.0:
             return []
-        trials = [(n, change / reach_v) for n in (1.0, 8.0) for change in (0.5, -0.5)]
+        trials = [(n, change / reach_v) for n in _LAGS for change in (0.5, -0.5)]
         return cls.proposed({"time_constant_s": n * step_s, "per_v": per_v} for n, per_v in trials)
