@@ -92,6 +92,24 @@ def test_sound_records_of_every_kind_give_no_alarm() -> None:
     assert told == []
 
 
+def test_a_drive_of_coarse_steps_is_neither_stuck_nor_clipped_nor_dropping_out() -> None:
+    rng = np.random.default_rng(5)
+    told = []
+    for name, drive in _drives(rng).items():
+        unit = (drive - np.min(drive)) / float(np.ptp(drive))
+        for n_levels in (8, 40, 100):
+            moved = _moved(np.round(unit * n_levels) / n_levels)
+            for step in (2e-5, 2e-4):
+                read = np.round((moved + 0.5 * step * rng.standard_normal(_N)) / step) * step
+                record = _record(unit, read)
+                try:
+                    check_usable([record])
+                    told += [(name, n_levels, step, str(fault)) for fault in examine(record).quality.faults]
+                except RecordingError as error:
+                    told.append((name, n_levels, step, str(error)))
+    assert told == []
+
+
 @pytest.fixture(scope="module")
 def sound() -> Recording:
     """A triangle with white noise of 1e-4 of the range."""
