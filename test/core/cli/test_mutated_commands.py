@@ -10,7 +10,7 @@ from mutated_commands import GOOD, mutations
 
 from fomrc_core.cli.application import run
 
-_N = 60
+_N = 40
 
 
 @pytest.mark.filterwarnings("ignore")  # what libraries warn of is no matter of how a command ends
