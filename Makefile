@@ -1,4 +1,4 @@
-# make demo | test | bench | study | lint: each makes .venv itself, with the packages it needs.
+# make demo | test | bench | study | docs | lint: each makes .venv itself, with the packages it needs.
 # PYTHON=/path/to/python3 chooses another interpreter.
 PYTHON ?= python3
 VENV   := .venv
@@ -16,14 +16,16 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
 RUN_STAMP := $(VENV)/installed-run
 DEV_STAMP := $(VENV)/installed-dev
+DOCS_STAMP := $(VENV)/installed-docs
 INSTALL    = $(BIN)/python -m pip install -qq --disable-pip-version-check
 
-.PHONY: help demo test bench study lint clean
+.PHONY: help demo test bench study docs lint clean
 help:
 	@echo "make demo   a piezo stage linearised through ROS, and a measured actuator identified (about 3 minutes)"
 	@echo "make test   the tests"
 	@echo "make bench  the benchmarks"
 	@echo "make study  the properties on new examples, then the full hidden-effect study (hours; resumable)"
+	@echo "make docs   the documentation as a site in build/site, its notebooks executed, its links checked"
 	@echo "make lint   ruff (complexity, docstrings, format) and mypy"
 
 demo: $(RUN_STAMP)
@@ -40,6 +42,13 @@ study: $(DEV_STAMP)
 	@$(BIN)/python -m pytest test/core -m hypothesis --hypothesis-profile new_examples -n $(JOBS)
 	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden test/ros test/core/reproduction test/core/effects -n $(JOBS)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
+
+docs: $(DOCS_STAMP)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@for notebook in docs/notebooks/*.py; do \
+	  $(BIN)/jupytext --quiet --to ipynb --output build/site/notebooks/$$(basename $$notebook .py).ipynb $$notebook || exit 1; \
+	done
+	@echo "build/site/index.html"
 
 lint: $(DEV_STAMP)
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
@@ -70,4 +79,9 @@ $(RUN_STAMP): setup.py setup.cfg pyproject.toml | $(BIN)/python
 $(DEV_STAMP): $(RUN_STAMP)
 	@echo "Installing what the tests need ..."
 	@$(INSTALL) -e ".[test,bench,lint]"
+	@touch $@
+
+$(DOCS_STAMP): $(RUN_STAMP)
+	@echo "Installing what the documentation needs ..."
+	@$(INSTALL) -e ".[docs]"
 	@touch $@

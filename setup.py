@@ -40,8 +40,20 @@ extras = {
         "distributed>=2023.1",
         "sybil>=6",
         "axe-core-python>=0.1",
+        # tables that recordings are made of
+        "pandas>=1.5",
+        "xarray>=2023.1",
     ],
     "bench": ["pytest-benchmark>=4"],
+    # The site: its notebooks are executed, and begin with pandas.
+    "docs": [
+        "mkdocs-material>=9.5",
+        "mkdocstrings[python]>=0.25",
+        "mkdocs-jupyter>=0.24",
+        "jupytext>=1.16",
+        "ipykernel>=6",
+        "pandas>=1.5",
+    ],
     "lint": ["ruff>=0.6", "mypy>=1.10", "types-PyYAML"],
 }
 extras["all"] = sorted({requirement for group in extras.values() for requirement in group})

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import runpy
 import shlex
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser, SkipParser
@@ -16,6 +18,7 @@ from fomrc_core.cli.application import run
 
 _ROOT = Path(__file__).resolve().parents[1]
 _EXAMPLES = sorted((_ROOT / "examples").glob("*.py"))
+_NOTEBOOKS = sorted((_ROOT / "docs" / "notebooks").glob("*.py"))
 _PAGES = [_ROOT / "README.md", _ROOT / "CONTRIBUTING.md", *sorted((_ROOT / "docs").rglob("*.md"))]
 
 # What each example has to come to, beside ending without an error or a warning.
@@ -36,6 +39,22 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("config", "examples"):
         (tmp_path / name).symlink_to(_ROOT / name)
     return tmp_path
+
+
+@pytest.mark.parametrize("path", _NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
+def test_the_cells_of_a_notebook_run(here: Path, monkeypatch: pytest.MonkeyPatch, path: Path) -> None:
+    # as a script; `make docs` executes the same file as a notebook
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    held = runpy.run_path(str(path), run_name="__main__")
+    assert held["figure"].axes
+    matplotlib.pyplot.close("all")
+
+
+def test_there_are_four_notebooks_each_leading_to_the_next() -> None:
+    assert len(_NOTEBOOKS) == 4
+    for path, after in itertools.pairwise(_NOTEBOOKS):
+        assert f"]({after.name})" in path.read_text(encoding="utf-8")
 
 
 def test_there_are_six_examples() -> None:

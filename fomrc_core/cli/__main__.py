@@ -1,5 +1,5 @@
 """``python -m fomrc_core.cli``."""
 
-from fomrc_core.cli.application import main
+from fomrc_core.cli import main
 
 main()

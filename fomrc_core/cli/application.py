@@ -73,11 +73,6 @@ application.command()(doctor)
 application.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(demo)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 2 bad input told in one line, 130 interrupted."""
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
-
-
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit status."""
     COMMAND.set(("fomrc", *arguments))
@@ -87,6 +82,9 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(str(error))
     except KeyboardInterrupt:
         return INTERRUPTED
+    except OSError as error:
+        # a path the system will not take, such as one too long: files that are missing are told of where they are read
+        return _refuse(f"{error.filename or 'a file'}: cannot be used ({error.strerror or error})")
     except MemoryError as error:
         return _refuse(f"not enough memory ({error or 'no size told'}): shorter records or fewer samples")
     except Exception as error:

@@ -38,6 +38,7 @@ from fomrc_core.records.usability import check_usable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -109,6 +110,22 @@ class Fit:
 
     def _repr_html_(self) -> str:
         return shown_as_html("Fit", f"{self}\n{self.model}")
+
+    def to_dataframe(self) -> DataFrame:
+        """Return the elements as a pandas DataFrame, a row each; pandas has to be there.
+
+        Columns: threshold [V] and weight [um/V] of each play, and the relative standard errors of both [1].
+        """
+        from pandas import DataFrame
+
+        n = self.model.n_elements
+        columns = {
+            "threshold_v": self.model.play_form.thresholds,
+            "threshold_error": self.relative_standard_errors[n + 1 :],
+            "weight_um_per_v": self.model.play_form.weights,
+            "weight_error": self.relative_standard_errors[1 : n + 1],
+        }
+        return DataFrame(columns)
 
     def plot(self) -> Figure:
         """Return a figure of what the fit leaves of each training record, sample by sample."""

@@ -14,7 +14,8 @@ from fomrc_core.records.recording import Recording
 # From a shear plate behind a divider to a bender driven by a logic level: beyond it units are the likelier reason.
 _GAIN_UM_PER_V = (1e-3, 50.0)
 _N_LOOKED_AT = 200_000
-_SAME = 1e-9  # of a range
+# Of a range, rms about the straight line. Loops of 0.3 % of their box lie 5e-4 and more from it, and creep adds to it.
+_SAME = 2e-4
 _UNRELATED = 0.25  # share of the displacement's power that follows from the voltage
 _SIGN = 0.5
 _TURN = 0.05
@@ -62,10 +63,14 @@ def suspicions(recording: Recording) -> list[str]:
     if not span_v > 0.0 or not span_um > 0.0:
         return []
     found = _of_units(span_um / span_v) + _of_time(recording)
-    scale = 10.0 ** round(float(np.log10(span_um / span_v)))
-    if float(np.max(np.abs(x - scale * v))) <= _SAME * span_um:
-        return [*found, f"displacement is {scale:g} times the voltage: is the same column given twice?"]
     correlation = float(np.corrcoef(v, x)[0, 1])
+    scale = correlation * float(np.std(x)) / float(np.std(v))
+    if float(np.std(x)) * np.sqrt(max(1.0 - correlation**2, 0.0)) <= _SAME * span_um:
+        return [
+            *found,
+            f"displacement is {scale:.4g} times the voltage, without hysteresis or creep: is it the same column, or a "
+            "monitor of the amplifier?",
+        ]
     if is_sound and correlation**2 < _UNRELATED and _followed_share(v, x) < _UNRELATED:
         return [*found, "displacement has nothing to do with the voltage"]
     if correlation < -_SIGN:

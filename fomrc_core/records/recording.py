@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.errors import RecordingError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _ARRAY_FIELDS = (
     "time_s",
@@ -18,11 +22,15 @@ _ARRAY_FIELDS = (
     "cross_voltage_v",
     "cross_displacement_um",
 )
+# In any unit; squares of what is larger overflow in a fit.
+_LARGEST = 1e100
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A record of an actuator, all arrays of shape (n_samples,), float64, copied and read-only.
+
+    Columns may be anything that numpy makes an array of: arrays, lists, a pandas Series, an xarray DataArray.
 
     Args:
         time_s: sample times [s], strictly increasing, any step length.
@@ -36,7 +44,7 @@ class Recording:
         name: what to call the record in messages.
 
     Raises:
-        RecordingError: unequal lengths, fewer than two samples, values not finite, time not increasing.
+        RecordingError: unequal lengths, fewer than two samples, values not finite or beyond 1e100, time not increasing.
     """
 
     time_s: NDArray[np.float64]
@@ -130,6 +138,40 @@ class Recording:
             raise RecordingError("no displacement recorded", where=self.name, allowed="a column displacement_um")
         return self.displacement_um
 
+    @classmethod
+    def from_table(cls, table: Any, name: str = "recording") -> Recording:
+        """Return the recording in a pandas DataFrame, an xarray Dataset or any mapping of columns.
+
+        Args:
+            table: columns by the names of the fields, ``time_s``, ``voltage_v`` and so on, shape (n_samples,) each; the
+                index of a DataFrame or Dataset may be ``time_s``.
+            name: what to call the record in messages.
+
+        Raises:
+            RecordingError: no column time_s or voltage_v, or columns that are no recording.
+        """
+        columns = {str(key): table[key] for key in table}
+        # neither a DataFrame nor a Dataset lists its index among its columns
+        for index in (getattr(table, "index", None), getattr(table, "coords", {}).get("time_s")):
+            if getattr(index, "name", None) == "time_s":
+                columns.setdefault("time_s", index)
+        missing = [field for field in _ARRAY_FIELDS[:2] if field not in columns]
+        if missing:
+            raise RecordingError(
+                f"no column {missing[0]}",
+                where=name,
+                value=", ".join(columns),
+                allowed="time_s, voltage_v and, where measured, displacement_um",
+            )
+        return cls(**{field: columns[field] for field in _ARRAY_FIELDS if field in columns}, name=name)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return what was recorded as a pandas DataFrame, a column for each field; pandas has to be there."""
+        from pandas import DataFrame
+
+        held = {field: getattr(self, field) for field in _ARRAY_FIELDS}
+        return DataFrame({field: values for field, values in held.items() if values is not None})
+
     def window(self, start_s: float, stop_s: float) -> Recording:
         """Return the part with ``start_s <= time_s < stop_s``."""
         inside = (self.time_s >= start_s) & (self.time_s < stop_s)
@@ -176,6 +218,14 @@ def _checked_column(values: object, field_name: str, where: str) -> NDArray[np.f
         k = int(np.argmin(np.isfinite(column)))
         raise RecordingError(
             f"{field_name} is not finite at sample {k}", where=where, value=float(column[k]), allowed="finite numbers"
+        )
+    if column.size and float(np.max(np.abs(column))) > _LARGEST:
+        k = int(np.argmax(np.abs(column)))
+        raise RecordingError(
+            f"{field_name} is too large at sample {k}",
+            where=where,
+            value=float(column[k]),
+            allowed=f"up to {_LARGEST:g} of either sign",
         )
     column.flags.writeable = False
     return column

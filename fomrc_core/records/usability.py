@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.noise import noise_floor
 from fomrc_core.records.quality import noisy_end
@@ -21,6 +22,7 @@ GAIN_UM_PER_V = (1e-4, 1e4)
 _N_CLIPPED_MIN = 20
 _CLIPPED_RUN = 5
 _CLIPPED_SHARE = 0.01
+_N_ALIKE_MIN = 4  # runs of one reading inside of the range from which on they are how the record is
 
 
 def check_usable(recordings: Sequence[Recording]) -> None:
@@ -99,11 +101,17 @@ def _check_not_clipped(record: Recording) -> None:
     # Where the sensor's steps hide its noise, a reading that stays the same says nothing.
     if noise_floor((record,)).differences_um < 0.5 * resolution_um:
         return
+    least_v = _CLIPPED_SHARE * float(np.ptp(record.voltage_v))
+    moved_inside = _drive_in_runs(record, (x > levels[0]) & (x < levels[-1]))
     for name, end_um in (("highest", float(levels[-1])), ("lowest", float(levels[0]))):
-        starts, stops = _runs(x == end_um)
-        moved = [float(np.ptp(record.voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)]
-        n_clipped = int(np.sum(stops - starts))
-        if n_clipped >= _N_CLIPPED_MIN and max(moved) > _CLIPPED_SHARE * float(np.ptp(record.voltage_v)):
+        starts, stops = _runs(x, x == end_um)
+        moved = _drive_in_runs(record, x == end_um)
+        n_clipped, n_moved = int(np.sum(stops - starts)), int(np.count_nonzero(moved > least_v))
+        if n_clipped < _N_CLIPPED_MIN or n_moved == 0:
+            continue
+        # a drive of coarse steps holds the reading everywhere, a sensor at its end only there
+        n_alike = int(np.count_nonzero(moved_inside > 0.5 * max(moved)))
+        if n_alike < max(_N_ALIKE_MIN, n_moved):
             raise RecordingError(
                 f"sensor is clipped: {n_clipped} samples, the first at {record.time_s[starts[0]]:.6g} s, "
                 f"stand at exactly the {name} reading while the voltage moves",
@@ -122,9 +130,15 @@ def _check_not_clipped(record: Recording) -> None:
         )
 
 
-def _runs(is_at_end: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where runs of true begin and end, those of a few samples left out."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], is_at_end.astype(np.int8), [0]))))
-    starts, stops = edges[::2], edges[1::2]
-    long = stops - starts >= _CLIPPED_RUN
-    return starts[long], stops[long]
+def _runs(values: Array, chosen: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where runs of one value begin and end among the chosen samples, those of a few samples left out."""
+    edges = np.flatnonzero((values[1:] != values[:-1]) | (chosen[1:] != chosen[:-1])) + 1
+    starts, stops = np.concatenate(([0], edges)), np.concatenate((edges, [values.size]))
+    kept = (stops - starts >= _CLIPPED_RUN) & chosen[starts]
+    return starts[kept], stops[kept]
+
+
+def _drive_in_runs(record: Recording, chosen: Mask) -> Array:
+    """Return by how much the drive moves in each run of one reading among the chosen samples [V], shape (n_runs,)."""
+    starts, stops = _runs(record.measured_um, chosen)
+    return np.array([float(np.ptp(record.voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)])

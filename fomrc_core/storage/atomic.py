@@ -11,6 +11,8 @@ from pathlib import Path
 from fomrc_core.errors import StorageError
 
 _GZIP_MAGIC = b"\x1f\x8b"
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_CONTROL = bytes(k for k in range(32) if k not in b"\t\n\f\r")
 
 
 def read_bytes(path: str | os.PathLike[str], *, n_bytes_max: int) -> bytes:
@@ -55,6 +57,26 @@ def read_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
         raise StorageError(
             f"not a text file (byte {error.start} is not UTF-8)", where=os.fspath(path), allowed="UTF-8 text"
         ) from None
+    if "\0" in text:
+        raise StorageError("not a text file (zero bytes)", where=os.fspath(path), allowed="UTF-8 text")
+    return text
+
+
+def read_table_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
+    """Read a text as programs write it: UTF-8, UTF-16 with its mark, or Windows-1252; see :func:`read_bytes`."""
+    content = read_bytes(path, n_bytes_max=n_bytes_max)
+    encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        # One byte a letter, as Windows writes it where it does not write UTF-8; no text holds control characters.
+        if encoding == "utf-16" or content.translate(None, _CONTROL) != content:
+            raise StorageError(
+                f"not a text file (byte {error.start} is not {encoding.removesuffix('-sig').upper()})",
+                where=os.fspath(path),
+                allowed="UTF-8, UTF-16 or Windows-1252 text",
+            ) from None
+        text = content.decode("cp1252", errors="replace")
     if "\0" in text:
         raise StorageError("not a text file (zero bytes)", where=os.fspath(path), allowed="UTF-8 text")
     return text

@@ -12,7 +12,7 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.errors import StorageError
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
-from fomrc_core.storage.atomic import read_text
+from fomrc_core.storage.atomic import read_table_text
 from fomrc_core.storage.bags import is_bag
 from fomrc_core.storage.foreign import Understood, is_binary_table, read_binary_table, read_text_table, understand
 from fomrc_core.storage.recordings import read_recording, recording_of
@@ -94,7 +94,7 @@ def understood_file(path: str | os.PathLike[str], options: ReadingOptions) -> Un
     if is_binary_table(Path(path)):
         table = read_binary_table(Path(path))
     else:
-        table = read_text_table(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+        table = read_text_table(read_table_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
     return understand(table, options.columns, options.rate_hz, options.units)
 
 

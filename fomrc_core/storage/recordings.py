@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from fomrc_core.errors import StorageError
 from fomrc_core.records.recording import Recording
-from fomrc_core.storage.atomic import read_text, write_text
+from fomrc_core.storage.atomic import read_table_text, write_text
 from fomrc_core.storage.bags import is_bag, read_bag
 from fomrc_core.storage.foreign import Understood, is_binary_table, read_binary_table, read_text_table, understand
 from fomrc_core.storage.tables import TextTable, number_or_none
 
 _N_BYTES_MAX = 2**31
 _OTHER_UNIT = "column has another unit, or none"
-_TELLING = ("the file does not say the unit", "two columns are")
+_TOLD_WELL = ("no column time_s", "no header line")
+_TELLING = ("the file does not say the unit", "two columns are", "no column is time", "row has another number of cells")
 
 # What a column is called in a header (first) and what else it may be called there.
 _HEADER_NAMES: dict[str, tuple[str, ...]] = {
@@ -75,7 +76,7 @@ def read_recording(
     told = None if columns is None else dict(columns)
     if is_binary_table(Path(path)):
         return recording_of(understand(read_binary_table(Path(path)), told, rate_hz, units), name)
-    text = read_text(path, n_bytes_max=_N_BYTES_MAX)
+    text = read_table_text(path, n_bytes_max=_N_BYTES_MAX)
     try:
         return Recording(**_own_fields(text, os.fspath(path), columns, rate_hz), name=name)
     except StorageError as error:
@@ -86,8 +87,17 @@ def recording_of(understood: Understood, name: str) -> Recording:
     """Return what was understood as a recording.
 
     Raises:
-        RecordingError: values that are not finite, or a time that does not increase.
+        StorageError: rows that hold no number.
+        RecordingError: a time that does not increase.
     """
+    for field, values in understood.fields.items():
+        without = np.flatnonzero(~np.isfinite(values))
+        if without.size:
+            raise StorageError(
+                f"{without.size} of {values.size} rows hold no number in {field}, first row {without[0] + 1}",
+                where=name,
+                allowed="numbers; --drop-nan leaves such rows out" if without.size < values.size else "numbers",
+            )
     fields: dict[str, Any] = dict(understood.fields)
     return Recording(**fields, name=name)
 
@@ -127,7 +137,7 @@ def _foreign(
         return understand(read_text_table(text, where), columns, rate_hz, units)
     except StorageError as other:
         # what it lacks is told by who understood more of it
-        is_telling = other.what.startswith(_TELLING) and not error.what.startswith("no column time_s")
+        is_telling = other.what.startswith(_TELLING) and not error.what.startswith(_TOLD_WELL)
         raise other if is_telling else error from None
 
 
@@ -137,7 +147,7 @@ def read_target(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDAr
     Raises:
         StorageError: whatever is wrong with the file, in one line.
     """
-    table = TextTable.of_text(read_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
+    table = TextTable.of_text(read_table_text(path, n_bytes_max=_N_BYTES_MAX), os.fspath(path))
     header = table.cells(0)
     table, found = _columns_of_header(table)
     _demand(found, ("time_s", "desired_um"), table.where, header)

@@ -238,7 +238,7 @@ REFUSED: tuple[Odd, ...] = (
         _changed(lambda c: (c[0], c[1], np.random.default_rng(3).normal(size=_N))),
         refused="nothing to do",
     ),
-    Odd("twice.csv", _changed(lambda c: (c[0], c[1], c[1])), refused="same column given twice"),
+    Odd("twice.csv", _changed(lambda c: (c[0], c[1], c[1])), refused="is it the same column"),
     Odd(
         "ms_as_s.csv",
         _changed(lambda c: (1e3 * c[0], c[1], c[2]), n=6000, step_s=1e-3 * 0.2),

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import os
+import pickle
+import pydoc
 import subprocess
 import sys
 from importlib.metadata import version
@@ -13,7 +16,7 @@ import numpy as np
 import pytest
 
 import fomrc_core
-from fomrc_core import Compensator, Fit, PiezoModel, Recording, identify, read_model
+from fomrc_core import Compensator, Fit, FomrcError, PiezoModel, Recording, identify, read_model
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mains_hum import MainsHum
 from fomrc_core.identification.fleet import FleetRecord
@@ -135,3 +138,28 @@ def test_an_uncertainty_prints_a_line_for_each_element() -> None:
 def test_a_record_of_a_fleet_prints_what_became_of_it() -> None:
     assert str(FleetRecord("a.csv", False, False, "too short")) == "a.csv failed: too short"
     assert str(FleetRecord("a.csv", True, True, "", 0.5, 0.03)) == "a.csv: creep order 0.03, NRMSE 0.5 % (kept)"
+
+
+def test_results_pickle(record: Recording, fit: Fit) -> None:
+    for result in (record, fit.model, fit):
+        assert str(pickle.loads(pickle.dumps(result))) == str(result)
+    drive = np.linspace(0.0, 1.0, 50)
+    inverse = pickle.loads(pickle.dumps(Compensator(fit.model)))
+    expected = Compensator(fit.model).run(np.full(50, 0.01), drive)
+    np.testing.assert_array_equal(inverse.run(np.full(50, 0.01), drive), expected)
+    refused = FomrcError("not so")
+    assert str(pickle.loads(pickle.dumps(refused))) == "not so"
+    table = fit.to_dataframe()
+    assert list(table.columns) == ["threshold_v", "threshold_error", "weight_um_per_v", "weight_error"]
+    np.testing.assert_array_equal(table["weight_um_per_v"], fit.model.play_form.weights)
+
+
+def test_help_of_every_public_name_is_whole() -> None:
+    for name in set(fomrc_core.__all__) - {"__version__"}:
+        offered = getattr(fomrc_core, name)
+        text = pydoc.render_doc(offered, renderer=pydoc.plaintext)
+        assert inspect.getdoc(offered), name
+        members = inspect.getmembers(offered, inspect.isfunction) if inspect.isclass(offered) else []
+        bare = [n for n, member in members if not n.startswith("_") and not inspect.getdoc(member)]
+        assert bare == [], name
+        assert name in text

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.records.quality.excursions import Surroundings
+from fomrc_core.records.quality.excursions import Surroundings, are_like_steps, own_steps_um
 
 Index = NDArray[np.int64]
 
@@ -51,6 +51,12 @@ def find_dropouts(displacement_um: Array, around: Surroundings, is_excursion: Ma
     constants = told[(counts >= _N_SAME_MIN) & (counts > _JUMPED_SHARE * visits)]
     # one long stay at one value is a dropout too: no motion is exactly constant between two jumps back and forth
     long = jumps & (stops - starts >= _N_STUCK_MIN)
+    told_of = long | (jumps & np.isin(value, constants))
+    if np.any(told_of):
+        steps = own_steps_um(around, np.concatenate((starts[told_of], stops[told_of])))
+        told_of[told_of] = ~are_like_steps(jump[told_of], steps)
+        long &= told_of
+        constants = np.intersect1d(constants, np.concatenate((value[told_of], displacement_um[is_excursion])))
     found = np.zeros(displacement_um.size, dtype=np.bool_)
     # what is known to be the value of a dropout need not jump far
     aside = (np.abs(into) > around.floor_um) & (np.abs(out) > around.floor_um) & (into * out > 0.0)
@@ -93,6 +99,9 @@ def find_stuck(
         & (np.abs(jump) > 4.0 * last)
         & (np.abs(went) > 4.0 * last)
     )
+    if np.any(is_released):
+        steps = own_steps_um(around, after[is_released])
+        is_released[is_released] = ~are_like_steps(np.abs(jump[is_released]), steps)
     moved = np.array([float(np.ptp(voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)]) * around.gain
     # by chance: as often as the other readings are equal to the one before
     share = (n_equal - length + 2.0) / displacement_um.size

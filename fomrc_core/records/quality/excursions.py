@@ -118,25 +118,38 @@ class Surroundings:
         return found
 
 
-def _unlike_steps(candidates: Index, size_um: Array, around: Surroundings) -> Index:
-    """Return the candidates that are no two steps of a record that makes steps of its own, as a coarse converter does.
+def own_steps_um(around: Surroundings, excluded: Index) -> Array:
+    """Return the sizes of the one-way steps a record makes that are not its drive's [um], rising, shape (n_steps,).
 
-    Where at least as many one-way steps of half their size and more are not the drive's, there and back is no fault.
+    Args:
+        around: the record.
+        excluded: samples a step to which does not count, for it is the one in question.
     """
-    if not candidates.size:
-        return candidates
-    rest = around.rest_um
-    change = np.diff(rest)
+    change = np.diff(around.rest_um)
     own = change[2:-2]
     others = [change[2 + k : change.size - 2 + k] for k in (-2, -1, 1, 2)]
     even = np.median(others, axis=0)
     wild = np.maximum.reduce([np.abs(c - even) for c in others])
     step = np.abs(own - even)
     at = np.arange(2, change.size - 2)
-    step = np.sort(step[(wild < step / 3.0) & (step > around.least_um(at))])
-    n_steps = step.size - np.searchsorted(step, 0.5 * size_um)
+    counts = np.ones(around.rest_um.size, dtype=np.bool_)
+    counts[excluded] = False
+    return np.sort(step[(wild < step / 3.0) & (step > around.least_um(at)) & counts[at + 1]])
+
+
+def are_like_steps(size_um: Array, steps_um: Array) -> Mask:
+    """Return which jumps are like the steps a record makes of its own, as a coarse converter does, shape (n_jumps,).
+
+    Those are: at least as many steps of half their size and more as jumps of their size. There and back, or a reading
+    that stays and goes on in a jump, is no fault of a record that is like that everywhere.
+
+    Args:
+        size_um: of each jump [um], shape (n_jumps,).
+        steps_um: of the record, rising, as ``own_steps_um`` gives them [um].
+    """
+    n_steps = steps_um.size - np.searchsorted(steps_um, 0.5 * size_um)
     order = np.argsort(np.argsort(-size_um, kind="stable"), kind="stable")
-    return candidates[n_steps < np.maximum(_N_STEPS_MIN, order + 1)]
+    return np.asarray(n_steps >= np.maximum(_N_STEPS_MIN, order + 1))
 
 
 def _span(values: Array) -> float:
@@ -195,7 +208,9 @@ def find_excursions(around: Surroundings) -> Mask:
         if candidates.size > _CANDIDATE_SHARE_MAX * size.size:
             continue
         candidates = candidates[size[candidates] > _ROUGHER * around.roughness_um(candidates)]
-        candidates = _unlike_steps(candidates, size[candidates], around)
+        if candidates.size:
+            steps = own_steps_um(around, np.array([], dtype=np.int64))
+            candidates = candidates[~are_like_steps(size[candidates], steps)]
         for k in range(n_burst):
             found[candidates + k] = True
     return found

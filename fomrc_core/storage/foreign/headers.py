@@ -38,6 +38,7 @@ _BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*)\s*[\])]\s*$")
 _DIVIDED = re.compile(r"^(.*?)\s*(?:/|,|\bin\b)\s*([^/,]+)$")
 _FACTOR = re.compile(r"^\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*\*?\s*(\S*)\s*$")
 _OTHER_AXIS = ("cross_", "second_", "other_")
+_LABVIEW_TIME = "x_value"
 REQUIRED = ("time", "voltage")
 
 
@@ -151,6 +152,8 @@ def _told(header: str, apart: str) -> tuple[str | None, str]:
                 name, unit = front, last
     if not unit and quantities_of(name):
         unit = name
+    if name.lower() == _LABVIEW_TIME:
+        return "time", unit
     words = set(re.split(r"[^a-zäöü0-9\-]+", name.lower().replace("_", " ")))
     words |= {re.sub(r"[0-9]+$", "", word) for word in words}
     named = [quantity for quantity, known in _WORDS.items() if words & known]

@@ -17,6 +17,8 @@ _FORMS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (None, "
 _N_LOOKED_AT = 400
 _N_ROWS_MIN = 2
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "--")
+_EMPTY = ("", "comment", "comments", "remark", "notes")
+_COMMENT_MARKS = ("#", "%")
 _NAMES = {";": "semicolons", "\t": "tabs", ",": "commas", None: "white space"}
 
 
@@ -95,6 +97,10 @@ def _header(lines: list[str], layout: _Layout) -> tuple[tuple[str, ...], tuple[s
         cells = _cells(marked, layout.separator)
         # many programs end each row of numbers with a separator, but not the header
         cells += [""] * (len(cells) == layout.n_columns - 1)
+        # and some name a last column of comments, which has none
+        cells = (
+            cells[: layout.n_columns] if len(cells) == layout.n_columns + 1 and cells[-1].lower() in _EMPTY else cells
+        )
         if len(cells) != layout.n_columns:
             break
         above.append(tuple(cells))
@@ -112,7 +118,7 @@ def _header(lines: list[str], layout: _Layout) -> tuple[tuple[str, ...], tuple[s
 def _values(lines: list[str], layout: _Layout, where: str) -> Array:
     rows = []
     for number, line in enumerate(lines[layout.first :], start=layout.first + 1):
-        if not line.strip():
+        if not line.strip() or line.lstrip().startswith(_COMMENT_MARKS):
             continue
         cells = _cells(line, layout.separator)
         if len(cells) != layout.n_columns:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lfilter
+from stage_records import N, drives, loop, sensors
 
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.errors import RecordingError
@@ -21,74 +21,39 @@ from fomrc_core.records.usability import check_usable
 from fomrc_core.report.diagnosis_files import diagnosis_results
 from fomrc_core.storage import read_model
 
-_N = 4000
-
-
-def _drives(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return drives of every kind between 0 and 1, shape (4000,) each."""
-    k = np.arange(_N)
-    levels = rng.random(200)
-    return {
-        "triangle": np.abs((k / 700.0 + 1.0) % 2.0 - 1.0),
-        "fast triangle": np.abs((k / 9.0 + 1.0) % 2.0 - 1.0),
-        "sine": 0.5 - 0.5 * np.cos(2.0 * np.pi * k / 630.0),
-        "chirp": 0.5 - 0.5 * np.cos(2.0 * np.pi * (k / 1500.0 + (k / 250.0) ** 2 / 4.0)),
-        "square": ((k // 150) % 2).astype(float),
-        "staircase": np.abs((k // 100) % 16 - 8) / 8.0,
-        "random steps": levels[k // 20],
-        "new level each sample": rng.random(_N),
-        "band of noise": lfilter([0.02], [1.0, -0.98], rng.standard_normal(_N)),
-        "rests": np.clip(np.abs((k / 500.0) % 4.0 - 2.0) - 0.5, 0.0, 1.0),
-    }
-
-
-def _moved(drive: np.ndarray) -> np.ndarray:
-    """Return a loop with creep, from two crude plays and a slow lag that share no code with the package."""
-    out = 0.6 * drive
-    for width, weight in ((0.05, 0.3), (0.3, 0.3)):
-        play = np.empty(drive.size)
-        at = 0.0
-        for i, u in enumerate(drive):
-            at = min(max(at, u - width), u + width)
-            play[i] = at
-        out += weight * play
-    return out + 0.05 * lfilter([0.004], [1.0, -0.996], out)
-
-
-def _sensors(clean: np.ndarray, drive: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return what sensors of several kinds read of a motion, and what a stage with a resonance would have done."""
-    white = rng.standard_normal(_N)
-    span = float(np.ptp(clean))
-    pole = 0.97 * np.exp(2j * np.pi / 7.0)
-    rings = np.poly([pole, pole.conjugate()]).real
-    ringing = lfilter([float(np.sum(rings))], rings, clean)
-    return {
-        "without noise": clean,
-        "white": clean + 1e-4 * span * white,
-        "loud": clean + 0.03 * span * white,
-        "autoregressive": clean + 1e-3 * span * lfilter([0.3], [1.0, -0.95], white),
-        "walk": clean + 2e-4 * span * np.cumsum(white),
-        "growing": clean + 1e-4 * span * white * (1.0 + 20.0 * drive),
-        "hum": clean + 0.01 * span * np.sin(2.0 * np.pi * np.arange(_N) / 4.1) + 1e-4 * span * white,
-        "quantised": np.round((clean + 1e-5 * white) / (span / 300.0)) * (span / 300.0),
-        "ringing": ringing + 1e-4 * span * white,
-    }
-
 
 def _record(
     drive: np.ndarray, readings: np.ndarray, scale: tuple[float, float, float] = (150.0, 20.0, 1e-3)
 ) -> Recording:
     volts, microns, step_s = scale
-    return Recording(np.arange(_N) * step_s, volts * drive, microns * readings, name="stage")
+    return Recording(np.arange(N) * step_s, volts * drive, microns * readings, name="stage")
 
 
 def test_sound_records_of_every_kind_give_no_alarm() -> None:
     rng = np.random.default_rng(11)
     told = []
-    for name, drive in _drives(rng).items():
-        for sensor, readings in _sensors(_moved(drive), drive, rng).items():
+    for name, drive in drives(rng).items():
+        for sensor, readings in sensors(loop(drive), drive, rng).items():
             if faults := examine(_record(drive, readings)).quality.faults:
                 told.append((name, sensor, str(faults[0])))
+    assert told == []
+
+
+def test_a_drive_of_coarse_steps_is_neither_stuck_nor_clipped_nor_dropping_out() -> None:
+    rng = np.random.default_rng(5)
+    told = []
+    for name, drive in drives(rng).items():
+        unit = (drive - np.min(drive)) / float(np.ptp(drive))
+        for n_levels in (8, 40, 100):
+            moved = loop(np.round(unit * n_levels) / n_levels)
+            for step in (2e-5, 2e-4):
+                read = np.round((moved + 0.5 * step * rng.standard_normal(N)) / step) * step
+                record = _record(unit, read)
+                try:
+                    check_usable([record])
+                    told += [(name, n_levels, step, str(fault)) for fault in examine(record).quality.faults]
+                except RecordingError as error:
+                    told.append((name, n_levels, step, str(error)))
     assert told == []
 
 
@@ -96,8 +61,8 @@ def test_sound_records_of_every_kind_give_no_alarm() -> None:
 def sound() -> Recording:
     """A triangle with white noise of 1e-4 of the range."""
     rng = np.random.default_rng(3)
-    drive = _drives(rng)["triangle"] * (1.0 - 0.4 * np.linspace(0.0, 1.0, _N))
-    return _record(drive, _sensors(_moved(drive), drive, rng)["white"])
+    drive = drives(rng)["triangle"] * (1.0 - 0.4 * np.linspace(0.0, 1.0, N))
+    return _record(drive, sensors(loop(drive), drive, rng)["white"])
 
 
 def _spoilt(record: Recording, at: np.ndarray, readings: np.ndarray | float) -> Recording:
@@ -120,7 +85,7 @@ def test_spikes_are_found_in_any_unit_at_any_rate(
     seed: int, share: float, scale: tuple[float, float, float], sound: Recording
 ) -> None:
     rng = np.random.default_rng(seed)
-    at = np.sort(rng.choice(np.arange(20, _N - 20, 10), 5, replace=False))
+    at = np.sort(rng.choice(np.arange(20, N - 20, 10), 5, replace=False))
     jumps = share * 20.0 * rng.choice([-1.0, 1.0], 5)
     spoilt = _spoilt(sound, at, sound.measured_um[at] + jumps)
     scaled = _record(spoilt.voltage_v / 150.0, spoilt.measured_um / 20.0, scale)
@@ -134,7 +99,7 @@ def test_dropouts_to_one_value_are_found_alone_and_in_rows(sound: Recording, val
     rng = np.random.default_rng(8)
     x = sound.measured_um
     far = np.flatnonzero(np.abs(x - value) > 0.5)
-    at = np.union1d(rng.choice(far[(far > 50) & (far < _N - 50)], 60, replace=False), np.arange(1500, 1511))
+    at = np.union1d(rng.choice(far[(far > 50) & (far < N - 50)], 60, replace=False), np.arange(1500, 1511))
     at = np.intersect1d(at, far)
     examined = examine(_spoilt(sound, at, value))
     assert _found(examined.quality, FaultKind.DROPOUTS) == set(at.tolist())
@@ -150,19 +115,19 @@ def test_a_sensor_that_stuck_is_found(sound: Recording) -> None:
 
 
 def test_stamps_say_what_is_missing_and_what_jitters(sound: Recording) -> None:
-    kept = np.delete(np.arange(_N), [700, 2100, 2101])
+    kept = np.delete(np.arange(N), [700, 2100, 2101])
     short = Recording(sound.time_s[kept], sound.voltage_v[kept], sound.measured_um[kept], name="stage")
     (gap,) = examine(short).quality.faults
     assert (gap.kind, gap.samples.tolist(), gap.is_masked) == (FaultKind.GAPS, [700, 2099], False)
     assert gap.size == pytest.approx(3.0)
-    jitter = 0.1 * np.random.default_rng(0).uniform(-1e-3, 1e-3, _N)
+    jitter = 0.1 * np.random.default_rng(0).uniform(-1e-3, 1e-3, N)
     (uneven,) = examine(replace(sound, time_s=sound.time_s + jitter)).quality.faults
     assert uneven.kind is FaultKind.UNEVEN_CLOCK
     assert uneven.size == pytest.approx(0.1 * np.sqrt(2.0 / 3.0), rel=0.05)
 
 
 def test_a_record_of_which_an_eighth_is_wrong_is_refused(sound: Recording) -> None:
-    at = np.arange(10, _N - 10, 8)
+    at = np.arange(10, N - 10, 8)
     with pytest.raises(RecordingError, match=r"stage: displacement_um: \d+ of 4000 readings are wrong"):
         examine(_spoilt(sound, at, -80.0))
 
@@ -170,9 +135,9 @@ def test_a_record_of_which_an_eighth_is_wrong_is_refused(sound: Recording) -> No
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_clipped_sensor_is_refused_with_noise_on_the_clipped_reading_too(sound: Recording, sign: float) -> None:
     rng = np.random.default_rng(4)
-    clean = _moved(sound.voltage_v / 150.0)
+    clean = loop(sound.voltage_v / 150.0)
     flat = np.minimum(sign * clean, np.quantile(sign * clean, 0.9)) * sign
-    clipped = replace(sound, displacement_um=20.0 * (flat + 1e-4 * rng.standard_normal(_N)))
+    clipped = replace(sound, displacement_um=20.0 * (flat + 1e-4 * rng.standard_normal(N)))
     with pytest.raises(RecordingError, match=r"lie flat at the (highest|lowest) reading but for noise"):
         check_usable([clipped])
 
@@ -194,7 +159,7 @@ def test_five_spikes_hide_no_load_and_are_no_cause() -> None:
 
 
 def test_a_fit_is_that_of_the_record_without_its_spikes(sound: Recording) -> None:
-    at = np.arange(100, _N, 390)
+    at = np.arange(100, N, 390)
     spoilt = _spoilt(sound, at, sound.measured_um[at] + 30.0)
     fit, clean = identify(spoilt, n_elements=3), identify(sound, n_elements=3)
     assert fit.rms_um == pytest.approx(clean.rms_um, rel=0.01)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -93,3 +94,20 @@ def test_measured_displacement_is_asked_for_by_name() -> None:
     with pytest.raises(RecordingError, match="a column displacement_um"):
         _ = Recording([0.0, 1.0], [0.0, 1.0]).measured_um  # type: ignore[arg-type]
     np.testing.assert_array_equal(_recording().measured_um, np.cos(_recording().time_s))
+
+
+def test_tables_of_pandas_and_xarray_are_recordings_and_back() -> None:
+    time_s = np.arange(11) * 0.1
+    recording = Recording(time_s, np.sin(time_s), np.arange(11.0))
+    frame = recording.to_dataframe()
+    assert list(frame.columns) == ["time_s", "voltage_v", "displacement_um"]
+    by_time = frame.set_index("time_s")
+    for table in (frame, by_time, dict(frame), by_time.to_xarray()):
+        back = Recording.from_table(table, name="table")
+        assert back.name == "table"
+        for field in frame.columns:
+            np.testing.assert_array_equal(getattr(back, field), getattr(recording, field))
+    series = Recording(frame["time_s"], frame["voltage_v"], by_time.to_xarray()["displacement_um"])
+    np.testing.assert_array_equal(series.measured_um, recording.measured_um)
+    with pytest.raises(RecordingError, match="run: no column voltage_v, got 'time_s, drive'"):
+        Recording.from_table(pandas.DataFrame({"time_s": [0.0, 1.0], "drive": [0.0, 1.0]}), name="run")

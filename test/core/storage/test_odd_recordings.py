@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from odd_exports import EXPORTS_REFUSED, EXPORTS_UNDERSTOOD
 from odd_recordings import REFUSED, UNDERSTOOD, Odd, truth
 
 import fomrc_core.cli.fit_commands  # noqa: F401  the library's warnings come before those of a test
 from fomrc_core.cli.application import run
 from fomrc_core.storage import read_recording
 
+_UNDERSTOOD, _REFUSED = (*UNDERSTOOD, *EXPORTS_UNDERSTOOD), (*REFUSED, *EXPORTS_REFUSED)
 _NEEDED = {".parquet": "pyarrow", ".xlsx": "openpyxl", ".h5": "h5py", ".tdms": "nptdms"}
 
 
@@ -25,12 +27,12 @@ def _written(odd: Odd, folder: Path) -> Path:
 
 
 def test_there_are_sixty_and_more() -> None:
-    names = [odd.name for odd in (*UNDERSTOOD, *REFUSED)]
+    names = [odd.name for odd in (*_UNDERSTOOD, *_REFUSED)]
     assert len(set(names)) == len(names) >= 60
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("odd", UNDERSTOOD, ids=lambda odd: odd.name)
+@pytest.mark.parametrize("odd", _UNDERSTOOD, ids=lambda odd: odd.name)
 def test_it_is_understood_as_it_was_meant(odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = _written(odd, tmp_path)
     assert run(["import", str(path), "--output", str(tmp_path / "ours.csv"), *odd.options]) == 0, (
@@ -48,7 +50,7 @@ def test_it_is_understood_as_it_was_meant(odd: Odd, tmp_path: Path, capsys: pyte
         )
 
 
-@pytest.mark.parametrize("odd", REFUSED, ids=lambda odd: odd.name)
+@pytest.mark.parametrize("odd", _REFUSED, ids=lambda odd: odd.name)
 def test_it_is_refused_in_one_line(odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = _written(odd, tmp_path)
     assert run(["identify", str(path), "--output", str(tmp_path / "model.yaml"), "--elements", "2"]) == 2
