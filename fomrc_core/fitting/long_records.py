@@ -135,7 +135,9 @@ class LongRecords:
         if share < 1.0:
             given = [_beginning(r, max(int(share * r.n_samples), 2)) for r in given]
         tell(0.01, "first fit, and what it leaves averaged")
-        return cls(thinned_records(tuple(given), n_in_bin), tuple(e.quality for e in looked), share, n_given)
+        return cls(
+            thinned_records(tuple(given), n_in_bin, work.substeps), tuple(e.quality for e in looked), share, n_given
+        )
 
     @property
     def recordings(self) -> tuple[Recording, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fomrc_core.errors import ParameterError
+from fomrc_core.model.substeps import Substeps
 
 MAX_MEMORY_GB = 2.0
 _BYTES_PROGRAM = 0.5e9  # the interpreter, its libraries and compiled kernels
@@ -23,16 +24,18 @@ class Work:
         bytes_per_sample: memory for each sample it holds at once [B], measured by ``benchmarks/large_recordings.py``.
         n_whole_max: most samples it is done with as they are; records with more are thinned.
         n_kept: samples a longer record is thinned to, or more where it is very long.
+        substeps: how it divides the steps of a record.
     """
 
     bytes_per_sample: float
     n_whole_max: int
     n_kept: int
+    substeps: Substeps
 
 
 # Columns of 48 plays with their slopes, and of 112 plays with what the causes of a diagnosis make of them.
-IDENTIFYING = Work(2_100.0, 250_000, 50_000)
-DIAGNOSING = Work(9_200.0, 100_000, 24_000)
+IDENTIFYING = Work(2_100.0, 250_000, 50_000, Substeps.NONE)
+DIAGNOSING = Work(9_200.0, 100_000, 24_000, Substeps.BENDS)
 
 
 def kept_samples(n_samples: int, work: Work, max_memory_gb: float) -> int | None:

@@ -2,9 +2,10 @@
 
 Averaging the readings of a bin would bend them wherever the motion bends: at every turn of the drive, and most where
 hysteresis begins. Here a first fit F is run along the whole record, at its own rate, and only what it leaves is
-averaged; the kept reading is F at the kept sample plus that mean. What the first fit gets right is then kept exactly,
-and white noise stays white, smaller by the root of the samples of a bin (a control variate; Boyle, "Options: a Monte
-Carlo approach", Journal of Financial Economics 4 (1977) 323). The drive keeps its turns and jumps.
+averaged; the kept reading is F of the kept drive plus that mean. What the first fit gets right is then kept exactly,
+and so is what a simulation loses on fewer samples, for it is in either; white noise stays white, smaller by the root of
+the samples of a bin (a control variate; Boyle, "Options: a Monte Carlo approach", Journal of Financial Economics 4
+(1977) 323). The drive keeps its turns and jumps.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import TrialModel, relaxed_trial
+from fomrc_core.fitting.trial_model import TrialModel, predict, relaxed_trial
 from fomrc_core.model.simulation import run_chain, settle_chain
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.drive_outline import DriveOutline, Index, drive_outline
@@ -63,6 +64,7 @@ class ThinnedRecord:
             (n_bins,); nan where too few readings counted.
         spectrum: of what the first fit leaves at the record's own rate.
         first_fit: the model whose residual was averaged, relaxed or rested before the record.
+        substeps: how the kept steps are divided by whoever simulates them.
     """
 
     recording: Recording
@@ -72,13 +74,14 @@ class ThinnedRecord:
     scatter_um: Array
     spectrum: LeftSpectrum
     first_fit: TrialModel
+    substeps: Substeps
 
     def about(self, effects: tuple[Effect, ...]) -> ThinnedRecord:
         """Return the same thinned about a first fit beside effects, such as act in it.
 
         What acts within a bin, a lag after a jump, bends what a model without it leaves; with it, nothing is bent.
         """
-        return _thinned(self.whole, self.outline, effects)
+        return _thinned(self.whole, self.outline, effects, self.substeps)
 
     @property
     def is_mean(self) -> Mask:
@@ -135,12 +138,15 @@ class ThinnedRecord:
         return float(np.sqrt(np.mean(self.scatter_um[counted] ** 2))) if np.any(counted) else 0.0
 
 
-def thinned_records(recordings: tuple[Recording, ...], n_in_bin: int) -> tuple[ThinnedRecord, ...]:
+def thinned_records(
+    recordings: tuple[Recording, ...], n_in_bin: int, substeps: Substeps = Substeps.NONE
+) -> tuple[ThinnedRecord, ...]:
     """Return the records thinned, all by the same number.
 
     Args:
         recordings: with displacement; readings that are not valid are left out of the means.
-        n_in_bin: samples of a bin, odd, 3 or more.
+        n_in_bin: samples of a bin, odd.
+        substeps: how the kept steps are divided by whoever simulates them.
 
     Raises:
         RecordingError: a voltage that is constant, or one that is too fast for bins as long.
@@ -152,20 +158,17 @@ def thinned_records(recordings: tuple[Recording, ...], n_in_bin: int) -> tuple[T
             raise RecordingError(
                 "drive is too fast to be thinned", where=recording.name, value=n_in_bin, allowed="fewer samples a bin"
             )
-        found.append(_thinned(recording, outline, ()))
+        found.append(_thinned(recording, outline, (), substeps))
     return tuple(found)
 
 
-def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...]) -> ThinnedRecord:
+def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...], substeps: Substeps) -> ThinnedRecord:
     first = _first_fit(whole, outline, effects)
     n, n_bins = outline.n_in_bin, outline.n_bins
-    at_kept_um = np.empty(outline.samples.size)
     mean_um, scatter_um, n_averaged = np.full(n_bins, np.nan), np.full(n_bins, np.nan), np.zeros(n_bins)
     periodogram = _Periodogram(1.0 / whole.sample_period_s)
     for begin, moved_um in _run_along(first, whole, n):
         part = slice(begin, begin + moved_um.size)
-        inside = slice(*np.searchsorted(outline.samples, (part.start, part.stop)))
-        at_kept_um[inside] = moved_um[outline.samples[inside] - begin]
         n_here = moved_um.size // n
         left_um = whole.measured_um[part] - moved_um
         periodogram.add(left_um)
@@ -181,6 +184,7 @@ def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...
     if where.size < 2:
         raise RecordingError("no readings count", where=whole.name, allowed="readings that are valid")
     reading_um = np.interp(np.arange(reading_um.size), where, reading_um[where])
+    at_kept_um = predict(first, FitRecord.of(picked(whole, outline.samples), substeps=substeps), 0)
     recording = Recording(
         whole.time_s[outline.samples],
         whole.voltage_v[outline.samples],
@@ -189,7 +193,7 @@ def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...
         name=whole.name,
         **{name: _means_of(getattr(whole, name), outline) for name in _BESIDE if getattr(whole, name) is not None},
     )
-    return ThinnedRecord(recording, whole, outline, n_averaged, scatter_um, periodogram.spectrum(), first)
+    return ThinnedRecord(recording, whole, outline, n_averaged, scatter_um, periodogram.spectrum(), first, substeps)
 
 
 class _Periodogram:
