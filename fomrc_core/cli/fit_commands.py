@@ -15,6 +15,7 @@ from fomrc_core.cli.options import (
     Columns,
     Despike,
     DropNan,
+    MaxMemory,
     OutputDirectory,
     Rate,
     Reading,
@@ -62,6 +63,7 @@ def identify(
     despike: Despike = False,
     resample: Resample = None,
     accept: Accept = False,
+    max_memory: MaxMemory = 2.0,
 ) -> None:
     """Identify a model from recordings of voltage and displacement.
 
@@ -79,7 +81,14 @@ def identify(
     records = [reading.read(path) for path in recordings]
     held_out = reading.read(test) if test else None
     with progress_shown("identify") as progress:
-        fit = fit_to(records, n_elements=n_elements, method=method.value, test=held_out, progress=progress)
+        fit = fit_to(
+            records,
+            n_elements=n_elements,
+            method=method.value,
+            test=held_out,
+            progress=progress,
+            max_memory_gb=max_memory,
+        )
     sure = None
     if uncertainty:
         with progress_shown("bootstrap") as progress:
@@ -119,12 +128,14 @@ def diagnose(
     despike: Despike = False,
     resample: Resample = None,
     accept: Accept = False,
+    max_memory: MaxMemory = 2.0,
 ) -> None:
     """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
 
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
     from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
+    from fomrc_core.fitting.memory_plan import DIAGNOSING
     from fomrc_core.records.usability import check_usable
     from fomrc_core.report.diagnosis_files import FILE_NAMES, write_report
     from fomrc_core.report.provenance import Provenance
@@ -137,13 +148,23 @@ def diagnose(
     records = [reading.read(path) for path in recordings]
     held_out = reading.read(test) if test else None
     third = reading.read(report) if report else None
-    check_usable([record for record in (*records, held_out, third) if record is not None])
+    given = [record for record in (*records, held_out, third) if record is not None]
+    if sum(record.n_samples for record in given) <= DIAGNOSING.n_whole_max:  # longer ones are looked at in parts
+        check_usable(given)
     read = [("recording", path) for path in recordings]
     read += [(role, path) for role, path in (("test", test), ("report", report), ("model", model)) if path is not None]
     provenance = Provenance.of(COMMAND.get(), read)
     folder = make_directory(output)
     with worker_threads() as executor, progress_shown("diagnose") as progress:
-        diagnosis = find_causes(records, test=held_out, report=third, model=base, progress=progress, executor=executor)
+        diagnosis = find_causes(
+            records,
+            test=held_out,
+            report=third,
+            model=base,
+            progress=progress,
+            executor=executor,
+            max_memory_gb=max_memory,
+        )
         progress(1.0, "report")
         write_report(diagnosis, folder, provenance)
     print(diagnosis)

@@ -40,6 +40,12 @@ DropNan = Annotated[bool, typer.Option("--drop-nan", help="Leave out rows that h
 Sort = Annotated[bool, typer.Option("--sort", help="Sort rows by time, keep the first of those of one time.")]
 Despike = Annotated[bool, typer.Option("--despike", help="Replace spikes and dropouts by straight lines.")]
 Resample = Annotated[float | None, typer.Option("--resample", metavar="HZ", help="Interpolate to an even rate [Hz].")]
+MaxMemory = Annotated[
+    float,
+    typer.Option(
+        "--max-memory", metavar="GB", help="Bound of memory: longer recordings are thinned, which the result states."
+    ),
+]
 Recordings = Annotated[
     list[Path],
     typer.Argument(metavar="REC...", help="CSV (.gz), a table of another program, or rosbag2 folder; one or more."),

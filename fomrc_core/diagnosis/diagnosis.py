@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
+from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
-from fomrc_core.diagnosis.findings import Finding, findings_of, smallest_detectable
+from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
+from fomrc_core.diagnosis.long_search import LongSearch
 from fomrc_core.diagnosis.looked_over import LookedOver
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
@@ -33,9 +35,10 @@ from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
-from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, residuals
+from fomrc_core.fitting.long_records import Thinning
+from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
@@ -104,6 +107,7 @@ class Diagnosis:
         quoted_on: which record before and after are quoted on.
         unnamed: terms that follow what no cause explains, in the extended model with the causes; None where none do.
         data_quality: what is wrong with the samples of each record, and which of them were left out.
+        thinning: how long records were thinned for the search, and what that loses; None where they were not.
     """
 
     status: Status
@@ -124,6 +128,7 @@ class Diagnosis:
     quoted_on: str
     unnamed: UnnamedExtension | None = None
     data_quality: tuple[DataQuality, ...] = ()
+    thinning: Thinning | None = None
 
     def __str__(self) -> str:
         return self.summary()
@@ -148,6 +153,7 @@ class Diagnosis:
         """Return the diagnosis in a few lines."""
         lines = [f"status: {self.status.value}; noise floor {1e3 * self.noise_floor_um:.3g} nm rms"]
         lines += [f"data quality: {quality}" for quality in self.data_quality if quality.faults]
+        lines += self.thinning.sentences() if self.thinning is not None else ()
         lines += [finding.sentence() for finding in self.findings]
         if self.ambiguous_with:
             lines.append(f"cannot be told from: {', '.join(self.ambiguous_with)}")
@@ -172,8 +178,11 @@ def diagnose(
     excluded_causes: Sequence[str] = (),
     progress: Progress | None = None,
     executor: ThreadPoolExecutor | None = None,
+    max_memory_gb: float = MAX_MEMORY_GB,
 ) -> Diagnosis:
     """Return what a simulation of the recordings gets wrong.
+
+    Records of more than 100 000 samples together are thinned for the search, see ``Diagnosis.thinning``.
 
     Args:
         recordings: training records.
@@ -183,42 +192,89 @@ def diagnose(
         excluded_causes: causes not to try.
         progress: called with the share done and what is being done.
         executor: screens, simulates and refits side by side.
+        max_memory_gb: bound of memory [GB], the program and the recordings with it.
 
     Raises:
         RecordingError: a record nothing can be learnt from.
-        ParameterError: an unknown cause.
+        ParameterError: an unknown cause, or too little memory.
     """
     # Many arguments: the choices of one diagnosis, each with its usual value and given by name.
     tell = progress or (lambda _share, _text: None)
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
+    asked = Asked(tuple(excluded_causes), model, executor)
+    long = LongSearch.of(given, test, report, max_memory_gb, tell)
+    if long is not None:
+        asked.check()
+        return _of_long(long, asked, tell)
     looked = LookedOver.of(given, test, report)
     check_usable(looked.records)
-    for name in excluded_causes:
-        if name not in cause_classes():
-            raise ParameterError(
-                "unknown cause", where="excluded_causes", value=name, allowed=", ".join(cause_classes())
-            )
-    wanted = {name: kind for name, kind in cause_classes().items() if name not in excluded_causes}
+    asked.check()
+    return _searched(looked, asked, tell)
+
+
+def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearch | None = None) -> Diagnosis:
+    """Return the diagnosis of records as they are.
+
+    Args:
+        looked: records.
+        asked: what was asked.
+        tell: progress.
+        known: causes that act whatever is found, where the records were thinned.
+    """
+    wanted = {name: kind for name, kind in cause_classes().items() if name not in asked.excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
     tell(0.02, "noise floor")
     noise = noise_floor(looked.train)
     split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
     tell(0.05, "base model")
     base = base_model(split)
-    again = looked.again(_residuals_of_all(base, split))
+    again = looked if known is not None else looked.again(_residuals_of_all(base, split))
     if again is not looked:
         looked, noise = again, noise_floor(again.train)
         split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
         base = base_model(split)
-    found = search(base, split, causes, tell, executor)
+    start = base if known is None else known.start(base, split, asked.executor)
+    found = search(start, split, causes, tell, asked.executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
-    coarse = coarse_model(model, split) if model is not None else None
+    coarse = coarse_model(asked.model, split) if asked.model is not None else None
     first: Step | None = None
     tell(0.96, "number of elements")
     if coarse is not None and elements is not None:
         first = missing_step(elements, coarse, base, found.model, split, len(cause_classes()))
-    result = _result(split, noise, base if first is None else coarse or base, found, first, tell)
+    before = base if first is None else coarse or base
+    result = _result(split, noise, before, found, first, tell, () if known is None else known.known)
     return replace(result, data_quality=looked.quality)
+
+
+def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
+    """Return the diagnosis of long records: their beginning at the full rate, then all of them, thinned."""
+
+    def part(begin: float, end: float, what: str) -> Progress:
+        return lambda share, text: tell(begin + (end - begin) * share, f"{what}: {text}")
+
+    long.records.check_usable()
+    windows = long.windows()
+    if windows is not None:
+        looked = LookedOver.taken((windows.recording,))
+        found = _searched(looked, asked, part(0.05, 0.25, "at the full rate"), long)
+        begun, long = long, long.with_found(windows, found.findings, found.ambiguous_with, found.extended_model)
+        general = [f.cause for f in long.known if cause_classes()[f.cause].generalizes]
+        if general:
+            found = _searched(looked, asked.without(general), part(0.25, 0.3, "at the full rate, simpler"), begun)
+            other = begun.with_found(windows, found.findings, found.ambiguous_with, found.extended_model)
+            long = long.unless_as_good(other, windows)
+    asked = asked.without((*long.not_looked_for, *(effect.name for effect in long.effects)))
+    result = _searched(long.looked_over(), asked, part(0.3, 0.7, "thinned"), long)
+    sharper = long.sharpened(result.extended_model)
+    if sharper is not None:
+        long = sharper
+        result = _searched(long.looked_over(), asked, part(0.7, 0.98, "thinned about what was found"), long)
+    thinning = long.thinning(result.extended_model, [view.residual_after_um for view in result.records])
+    judgement = result.judgement
+    if thinning.left_within:
+        judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.left_within))
+    status = judgement.status([f.probability for f in result.findings], bool(result.ambiguous_with))
+    return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
 
 
 def _residuals_of_all(base: TrialModel, split: DataSplit) -> list[Array]:
@@ -230,8 +286,15 @@ def _residuals_of_all(base: TrialModel, split: DataSplit) -> list[Array]:
 
 
 def _result(
-    split: DataSplit, noise: NoiseFloor, base: TrialModel, found: SearchResult, first: Step | None, tell: Progress
+    split: DataSplit,
+    noise: NoiseFloor,
+    base: TrialModel,
+    found: SearchResult,
+    first: Step | None,
+    tell: Progress,
+    known: tuple[Finding, ...],
 ) -> Diagnosis:
+    # Many arguments: what each stage of a diagnosis came to; no two are ever handed on together.
     found, extension = never_worse(found, base, split)
     steps = (first, *found.steps) if first is not None else found.steps
     tell(0.97, "what remains")
@@ -241,6 +304,7 @@ def _result(
     after = rms(np.concatenate(held_residuals(extension.trial, split.report)))
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
+    findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
     tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
     tests = dependences([_driven(view) for view in records])
     inflation = residual_inflation(found.final.residual, split.train)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,6 +123,21 @@ def findings_of(
             )
         )
     return tuple(found)
+
+
+def as_in_model(
+    findings: tuple[Finding, ...], model: TrialModel, final: Refit, split: DataSplit
+) -> tuple[Finding, ...]:
+    """Return findings of an earlier search with their parameters as in a model that was fitted since."""
+    errors = final.standard_errors(split.train, residual_inflation(final.residual, split.train)) if findings else {}
+    told = []
+    for finding in findings:
+        acting, index = _find(model, finding.cause)
+        if acting is not None:
+            own = {name: v for (owner, at, name), v in errors.items() if owner == finding.cause and at == index}
+            finding = replace(finding, parameters=acting.to_mapping(), standard_errors=own)
+        told.append(finding)
+    return tuple(told)
 
 
 def _find(model: TrialModel, name: str) -> tuple[Cause | None, int | None]:

@@ -36,6 +36,15 @@ class LookedOver:
         given = [*train, *(r for r in (test, report) if r is not None)]
         return cls._joined(len(train), test is not None, [examine(record) for record in given])
 
+    @classmethod
+    def taken(
+        cls, train: Sequence[Recording], test: Recording | None = None, report: Recording | None = None
+    ) -> LookedOver:
+        """Return records whose readings were looked over before; their ``is_valid`` says which count."""
+        given = [*train, *(r for r in (test, report) if r is not None)]
+        quality = tuple(DataQuality(r.name, r.n_samples, (), r.valid_samples) for r in given)
+        return cls(tuple(train), test, report, quality)
+
     @property
     def records(self) -> list[Recording]:
         """All records, in the order of ``quality``."""

@@ -5,12 +5,17 @@ Identification and diagnosis both fit with what is here; neither has a fit of it
 
 __all__ = [
     "base_fit",
+    "bend_windows",
     "element_fit",
     "evidence",
     "fit_record",
     "free_parameters",
     "joint_fit",
     "linear_part",
+    "long_records",
+    "memory_plan",
     "play_columns",
+    "structure_within",
+    "thinned_record",
     "trial_model",
 ]

@@ -9,5 +9,6 @@ __all__ = [
     "element_count",
     "fleet",
     "paper",
+    "parameter_errors",
     "uncertainty",
 ]

@@ -24,9 +24,12 @@ from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.element_fit import FittedElements, Starts, fit_elements, trial_of
 from fomrc_core.fitting.fit_record import FitRecord, shortest_time
 from fomrc_core.fitting.linear_part import centred, record_columns, residuals
+from fomrc_core.fitting.long_records import LongRecords, Thinning
+from fomrc_core.fitting.memory_plan import IDENTIFYING, MAX_MEMORY_GB
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.identification.element_count import merged, split
+from fomrc_core.identification.parameter_errors import ParameterErrors
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
@@ -73,12 +76,13 @@ class Fit:
         noise_um: noise floor of the records [um].
         test_nrmse_percent: error on the held-out record; nan without one.
         offsets_um: offset of each training record [um].
-        residuals_um: measured minus predicted per training record [um].
+        residuals_um: measured minus predicted per training record, or thinned record [um].
         creep_order_standard_error: standard error of the creep order [1].
         relative_standard_errors: of slope, weights and thresholds of the play form, shape (2 n + 1,).
         undetermined_elements: elements (by ascending threshold) whose weight or threshold the data leave open.
         starts: how each record was found to begin: "relaxed" or "rested at its first voltage".
         data_quality: what is wrong with the samples of each training record, and of the held-out one.
+        thinning: how long records were thinned, and what that loses; None where they were not.
     """
 
     model: PiezoModel
@@ -95,6 +99,7 @@ class Fit:
     undetermined_elements: tuple[int, ...]
     starts: tuple[str, ...]
     data_quality: tuple[DataQuality, ...] = ()
+    thinning: Thinning | None = None
 
     def __str__(self) -> str:
         lines = [
@@ -106,6 +111,7 @@ class Fit:
         if not math.isnan(self.test_nrmse_percent):
             lines.append(f"NRMSE {self.test_nrmse_percent:.4g} % held out")
         lines[1:1] = [str(quality) for quality in self.data_quality if quality.faults]
+        lines[1:1] = self.thinning.sentences() if self.thinning is not None else ()
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -142,21 +148,6 @@ class Fit:
         return curves_figure(tuple(panels))
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterErrors:
-    """Standard errors of fitted parameters.
-
-    Attributes:
-        creep_order: of the creep order [1].
-        relative: of slope, weights and thresholds of the play form, shape (2 n + 1,).
-        undetermined_elements: elements whose weight or threshold the data leave open, from 0.
-    """
-
-    creep_order: float
-    relative: Array
-    undetermined_elements: tuple[int, ...]
-
-
 @with_one_algebra_thread
 def identify(
     recordings: Recording | Sequence[Recording],
@@ -165,8 +156,11 @@ def identify(
     method: str = "convex",
     test: Recording | None = None,
     progress: Progress | None = None,
+    max_memory_gb: float = MAX_MEMORY_GB,
 ) -> Fit:
     """Return the model that fits the recordings.
+
+    Records of more than 250 000 samples together are thinned, see ``Fit.thinning``.
 
     Args:
         recordings: one or more training records.
@@ -174,18 +168,39 @@ def identify(
         method: "convex", or "paper" for the route of section 3.
         test: held-out record, for its error and for "auto"; without one "auto" holds out blocks.
         progress: called with the share done and what is being done.
+        max_memory_gb: bound of memory [GB], the program and the recordings with it.
 
     Raises:
         RecordingError: a record nothing can be learnt from, see ``usability.check_usable``.
-        ParameterError: an unknown method or number of elements.
+        ParameterError: an unknown method or number of elements, or too little memory.
     """
+    # Many arguments: the choices of one fit, each with its usual value and given by name.
     tell = progress or (lambda _share, _text: None)
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    everything = given if test is None else [*given, test]
+    long = LongRecords.of(everything, IDENTIFYING, max_memory_gb, tell)
+    if long is not None:
+        long.check_usable()
+        thinned = list(long.recordings)
+        judged_on = thinned.pop() if test is not None else None
+        return _at_own_rate(_identified(thinned, judged_on, n_elements, method, tell), long)
     looked = [examine(record) for record in given]
     held_out = examine(test) if test is not None else None
     check_usable([e.recording for e in looked])
     quality = tuple(e.quality for e in (*looked, held_out) if e is not None)
     given, test = [e.recording for e in looked], held_out.recording if held_out is not None else None
+    return _identified(given, test, n_elements, method, tell, quality)
+
+
+def _identified(
+    given: Sequence[Recording],
+    test: Recording | None,
+    n_elements: int | str,
+    method: str,
+    tell: Progress,
+    quality: tuple[DataQuality, ...] = (),
+) -> Fit:
+    """Return the fit of records that were looked over, with what was found wrong with them."""
     if method == "paper":
         from fomrc_core.identification.paper import identify_paper
 
@@ -193,7 +208,7 @@ def identify(
             raise ParameterError(
                 "the paper's route needs a number", where="n_elements", value=n_elements, allowed="1 to 60"
             )
-        fit = fit_of(identify_paper(given, n_elements=n_elements, progress=progress).model, given, test)
+        fit = fit_of(identify_paper(given, n_elements=n_elements, progress=tell).model, given, test)
         return replace(fit, data_quality=quality)
     if method != "convex":
         raise ParameterError("unknown method", where="method", value=method, allowed="convex, paper")
@@ -206,7 +221,7 @@ def identify(
     starts = choose_starts(records)
     tell(0.15, "weights on the grid of thresholds")
     dense, order = _dense_form(records, starts)
-    again = _looked_at_again(dense, order, records, starts)
+    again = _looked_at_again(dense, order, records, starts) if quality else None
     if again is not None:
         given = [e.recording for e in again]
         quality = (*(q.joined(e.quality) for q, e in zip(quality, again, strict=False)), *quality[len(again) :])
@@ -220,6 +235,31 @@ def identify(
         best = _fitted_elements(dense, order, n_elements, records, starts)
     tell(0.95, "error and uncertainty")
     return replace(_result(best, records, starts, given, test), data_quality=quality)
+
+
+def _at_own_rate(fit: Fit, long: LongRecords) -> Fit:
+    """Return a fit to thinned records with its errors at their own rate."""
+    n_train = len(fit.residuals_um)
+    thinning = long.thinning(fit.residuals_um)
+    whole_um = [thinned.whole.measured_um for thinned in long.thinned]
+    test_percent = fit.test_nrmse_percent
+    if len(whole_um) > n_train:
+        within = normalised_percent(long.thinned[-1].within_um, whole_um[n_train:])
+        test_percent = math.hypot(test_percent, within)
+    outcome, reason = fit.outcome, fit.reason
+    if outcome is FitOutcome.GOOD and thinning.left_within:
+        outcome, reason = FitOutcome.COARSE, f"{reason} where it was averaged; {thinning.left_within[0]}"
+    return replace(
+        fit,
+        outcome=outcome,
+        reason=reason,
+        rms_um=thinning.rms_um,
+        nrmse_percent=normalised_percent(thinning.rms_um, whole_um[:n_train]),
+        noise_um=thinning.noise_um,
+        test_nrmse_percent=test_percent,
+        data_quality=long.quality,
+        thinning=thinning,
+    )
 
 
 def _looked_at_again(

@@ -20,6 +20,7 @@ from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import choose_starts
 from fomrc_core.fitting.element_fit import trial_of
 from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.memory_plan import IDENTIFYING
 from fomrc_core.fitting.trial_model import predict
 from fomrc_core.identification.convex import Fit
 from fomrc_core.model.piezo_model import PiezoModel
@@ -116,8 +117,15 @@ def estimate_uncertainty(
         progress: called with the share done and a word.
 
     Raises:
-        ParameterError: too few replicates.
+        ParameterError: too few replicates, or records that were thinned for the fit.
     """
+    if fit.thinning is not None:
+        raise ParameterError(
+            "records too long for a bootstrap",
+            where="recordings",
+            value=fit.thinning.n_samples,
+            allowed=f"{IDENTIFYING.n_whole_max} samples; give a part of them",
+        )
     if n_replicates < 20:
         raise ParameterError("too few replicates", where="n_replicates", value=n_replicates, allowed="20 or more")
     given = [examine(r).recording for r in ([recordings] if isinstance(recordings, Recording) else recordings)]

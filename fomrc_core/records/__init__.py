@@ -6,6 +6,7 @@ What a drive of a certain shape is (turning points, kinds of loops, repeats) is 
 __all__ = [
     "arguments",
     "drive",
+    "drive_outline",
     "excitation",
     "noise",
     "noise_estimate",

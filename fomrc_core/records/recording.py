@@ -28,7 +28,7 @@ _LARGEST = 1e100
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A record of an actuator, all arrays of shape (n_samples,), float64, copied and read-only.
+    """A record of an actuator, all arrays of shape (n_samples,), float64, read-only; copied unless they already are.
 
     Columns may be anything that numpy makes an array of: arrays, lists, a pandas Series, an xarray DataArray.
 
@@ -205,9 +205,16 @@ def _checked_mask(values: object, n_samples: int, where: str) -> NDArray[np.bool
     return mask
 
 
+def _is_frozen(values: object) -> bool:
+    """Return whether an array is of our type and nobody can change it: it need not be copied."""
+    is_array = isinstance(values, np.ndarray) and values.dtype == np.float64
+    return is_array and isinstance(values, np.ndarray) and not values.flags.writeable and values.flags.owndata
+
+
 def _checked_column(values: object, field_name: str, where: str) -> NDArray[np.float64]:
     try:
-        column = np.array(values, dtype=np.float64)
+        column = values if _is_frozen(values) else np.array(values, dtype=np.float64)
+        assert isinstance(column, np.ndarray)
     except (TypeError, ValueError):
         raise RecordingError(f"{field_name} is not numeric", where=where, allowed="finite numbers") from None
     if column.ndim != 1:

@@ -38,13 +38,14 @@ def check_usable(recordings: Sequence[Recording]) -> None:
     if not recordings:
         raise RecordingError("no recording given", where="recordings", allowed="one or more")
     for record in recordings:
-        _check_time(record)
+        check_clock(record)
         _check_moves(record)
         _check_units(record)
         _check_not_clipped(record)
 
 
-def _check_time(record: Recording) -> None:
+def check_clock(record: Recording) -> None:
+    """Raise RecordingError for a record that is too short, has a gap, or a sample period that no actuator has."""
     if record.n_samples < N_SAMPLES_MIN:
         raise RecordingError(
             "record is too short", where=record.name, value=record.n_samples, allowed=f"{N_SAMPLES_MIN} samples or more"

@@ -20,6 +20,7 @@ from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
 from fomrc_core.report.diagnosis_page import page
+from fomrc_core.report.fit_results import thinning_results
 from fomrc_core.report.provenance import Provenance
 from fomrc_core.report.quality_view import quality_figure, quality_results
 from fomrc_core.storage import write_model, write_text
@@ -61,7 +62,9 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str], proven
     if faulty is not None:
         figures["quality"] = png(faulty)
     left = np.concatenate([v.residual_after_um for v in diagnosis.records if v.role == "train"])
-    write_model(diagnosis.extended_model, folder / MODEL_NAME, rms(left))
+    # of single readings, which whoever runs the model will see, not of means of many
+    error_um = rms(left) if diagnosis.thinning is None else diagnosis.thinning.rms_um
+    write_model(diagnosis.extended_model, folder / MODEL_NAME, error_um)
     write_bytes(figures["where"], folder / FIGURE_NAME)
     results = diagnosis_results(diagnosis)
     if provenance is not None:
@@ -108,6 +111,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             ],
         },
         "data_quality": [quality_results(quality) for quality in diagnosis.data_quality],
+        "thinning": thinning_results(diagnosis.thinning),
         "quoted_on": {"name": diagnosis.quoted_on, "role": quoted_record(diagnosis).role},
         "records": [
             {

@@ -49,6 +49,7 @@ def page(diagnosis: Diagnosis, figures: Mapping[str, bytes], provenance: Provena
         ),
         "<h2>Data quality</h2>",
         *quality_section(diagnosis),
+        *_thinning(diagnosis),
         *([image(figures["quality"], "Readings that were left out.")] if "quality" in figures else []),
         "<h2>Where it is wrong</h2>",
         "<p>A lag shows against the rate, a curved scale against the drive, wrong loops against the place in the loop, "
@@ -86,6 +87,13 @@ def _verdict(diagnosis: Diagnosis) -> Iterator[str]:
         others = ", ".join(f"<code>{html.escape(name)}</code>" for name in diagnosis.ambiguous_with)
         yield f"<br>It could as well be {others}."
     yield f"<br>Next: {prose(diagnosis.next_experiment)}.</div>"
+
+
+def _thinning(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.thinning is not None:
+        yield "<h2>How the records were thinned, and what that loses</h2><ul>"
+        yield from (f"<li>{prose(sentence)}</li>" for sentence in diagnosis.thinning.sentences())
+        yield "</ul>"
 
 
 def _simulated(diagnosis: Diagnosis) -> str:

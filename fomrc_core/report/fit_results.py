@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from fomrc_core.report.quality_view import quality_results
 
 if TYPE_CHECKING:
+    from fomrc_core.fitting.long_records import Thinning
     from fomrc_core.identification.convex import Fit
     from fomrc_core.identification.uncertainty import Uncertainty
 
@@ -49,8 +51,17 @@ def fit_results(fit: Fit, record_names: list[str], method: str) -> dict[str, Any
         "creep_order_standard_error": _number(fit.creep_order_standard_error),
         "relative_standard_errors": [_number(error) for error in fit.relative_standard_errors],
         "undetermined_elements": list(fit.undetermined_elements),
+        "thinning": thinning_results(fit.thinning),
         "model": fit.model.to_mapping(),
     }
+
+
+def thinning_results(thinning: Thinning | None) -> dict[str, Any] | None:
+    """Return how long records were thinned, and what that loses, as plain numbers; None where they were not."""
+    if thinning is None:
+        return None
+    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(thinning).items()}
+    return {**plain, "words": list(thinning.sentences())}
 
 
 def _number(value: float) -> float | None:

@@ -6,6 +6,7 @@ import html
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from fomrc_core.records.quality import DataQuality, FaultKind
@@ -64,7 +65,9 @@ def quality_figure(diagnosis: Diagnosis) -> Figure | None:
         axes.plot(*envelope(view.time_s, view.measured_um), color="#333333", lw=0.9)
         for fault in quality.faults:
             if fault.is_masked:
-                at = view.time_s[fault.samples]
+                # the record may have been thinned since
+                place = fault.samples * (view.time_s.size - 1) / (quality.n_samples - 1)
+                at = np.interp(place, np.arange(view.time_s.size), view.time_s)
                 axes.plot(at, fault.readings_um, _MARKS[fault.kind], color="#d1495b", ms=5, label=fault.kind.value)
         axes.set_title(f"{view.name}: readings left out", fontsize=10)
         axes.set_ylabel("displacement [µm]")

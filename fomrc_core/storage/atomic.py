@@ -6,6 +6,7 @@ import gzip
 import os
 import secrets
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from fomrc_core.errors import StorageError
@@ -80,6 +81,24 @@ def read_table_text(path: str | os.PathLike[str], *, n_bytes_max: int) -> str:
     if "\0" in text:
         raise StorageError("not a text file (zero bytes)", where=os.fspath(path), allowed="UTF-8 text")
     return text
+
+
+def text_blocks(path: str | os.PathLike[str], n_characters: int) -> Iterator[str]:
+    """Yield a text file, unpacked where it is gzip, in blocks of whole lines.
+
+    Args:
+        path: file to read.
+        n_characters: of a block, up to the end of a line.
+
+    Raises:
+        OSError: what the system says; nothing is told in its own words here.
+        ValueError: not text in UTF-8.
+    """
+    with open(path, "rb") as file:
+        is_packed = file.read(2) == _GZIP_MAGIC
+    with gzip.open(path, "rt", encoding="utf-8-sig") if is_packed else open(path, encoding="utf-8-sig") as text:
+        while block := text.read(n_characters):
+            yield block + text.readline()
 
 
 def make_directory(path: Path, *, where: str = "--output") -> Path:

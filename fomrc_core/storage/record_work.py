@@ -10,6 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -21,8 +24,12 @@ from typing import Any
 
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.storage.atomic import make_directory, write_text
+from fomrc_core.storage.tables import number_or_none
 
 _RECORD_SUFFIXES = (".csv", ".csv.gz", ".txt", ".dat")
+_NOTES_SUFFIXES = (".txt", ".dat")
+_N_LINES_LOOKED_AT, _N_ROWS_MIN, _LONGEST_LINE = 100, 5, 4096
+_WATCH_S = 0.5  # a worker outlives its parent by no more
 _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 WorkProgress = Callable[[float, str], None]
@@ -74,16 +81,43 @@ def records_in(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise ParameterError("no such folder", where=str(folder), allowed="a folder of recordings")
-    found = [
-        path
-        for path in sorted(folder.iterdir())
-        if path.name.lower().endswith(_RECORD_SUFFIXES) or (path / "metadata.yaml").is_file()
-    ]
+    found = [path for path in sorted(folder.iterdir()) if _may_be_recording(path) or (path / "metadata.yaml").is_file()]
     if not found:
         raise ParameterError(
             "no recording found", where=str(folder), allowed=f"files {', '.join(_RECORD_SUFFIXES)}, or rosbag2 folders"
         )
     return found
+
+
+def _may_be_recording(path: Path) -> bool:
+    name = path.name.lower()
+    if not name.endswith(_RECORD_SUFFIXES):
+        return False
+    # notes lie beside recordings, and are no recording that failed
+    return not name.endswith(_NOTES_SUFFIXES) or _has_numbers(path)
+
+
+def _has_numbers(path: Path) -> bool:
+    """Return whether a text begins with some rows of two and more numbers, a head of words before them or not."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            lines = [file.readline(_LONGEST_LINE) for _ in range(_N_LINES_LOOKED_AT)]
+    except OSError:
+        return True  # whoever reads it says what is wrong
+    rows = [re.split(r"[;\s]+|,\s*", line.strip()) for line in lines]
+    n_numbers = sum(len(row) > 1 and all(number_or_none(cell) is not None for cell in row if cell) for row in rows)
+    return n_numbers >= _N_ROWS_MIN
+
+
+def _end_with(parent: int) -> None:
+    """End this worker once its parent is gone: killed, it cannot ask anybody to end."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def work_on(
@@ -162,7 +196,8 @@ def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executo
     os.environ.update({name: "1" for name, value in before.items() if value is None})
     try:
         # Spawned: a fork would copy the threads' locks of whatever runs beside it.
-        with ProcessPoolExecutor(n_workers, mp_context=get_context("spawn")) as pool:
+        context = get_context("spawn")
+        with ProcessPoolExecutor(n_workers, context, _end_with, (os.getpid(),)) as pool:
             yield pool
     finally:
         for name, value in before.items():

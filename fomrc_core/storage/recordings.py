@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.errors import StorageError
+from fomrc_core.errors import InputError, StorageError
 from fomrc_core.records.recording import Recording
-from fomrc_core.storage.atomic import read_table_text, write_text
+from fomrc_core.storage.atomic import read_table_text, text_blocks, write_text
 from fomrc_core.storage.bags import is_bag, read_bag
 from fomrc_core.storage.foreign import Understood, is_binary_table, read_binary_table, read_text_table, understand
 from fomrc_core.storage.tables import TextTable, number_or_none
 
 _N_BYTES_MAX = 2**31
+_LONG_BYTES, _BLOCK_CHARACTERS = 2**24, 2**24  # of text: lines take several times as much memory as their numbers
 _OTHER_UNIT = "column has another unit, or none"
 _TOLD_WELL = ("no column time_s", "no header line")
 _TELLING = ("the file does not say the unit", "two columns are", "no column is time", "row has another number of cells")
@@ -76,6 +77,9 @@ def read_recording(
     told = None if columns is None else dict(columns)
     if is_binary_table(Path(path)):
         return recording_of(understand(read_binary_table(Path(path)), told, rate_hz, units), name)
+    long = _long_fields(path, columns, rate_hz)
+    if long is not None:
+        return Recording(**long, name=name)
     text = read_table_text(path, n_bytes_max=_N_BYTES_MAX)
     try:
         return Recording(**_own_fields(text, os.fspath(path), columns, rate_hz), name=name)
@@ -113,6 +117,39 @@ def _own_fields(
         table, found = _columns_as_told(table, columns)
     _demand(found, ("voltage_v",), table.where, header)
     return {**_fields(table, found, rate_hz, header)}
+
+
+def _long_fields(
+    path: str | os.PathLike[str], columns: Mapping[str, int | None] | None, rate_hz: float | None
+) -> dict[str, Any] | None:
+    """Return what a long file of our own form holds, read block by block; None for any other, or a faulty one.
+
+    Whatever is wrong is left to the reading of the whole, which finds the line.
+    """
+    where = os.fspath(path)
+    try:
+        if not os.path.isfile(where) or os.path.getsize(where) < _LONG_BYTES:
+            return None
+        found: dict[str, int] = {}
+        parts: list[NDArray[np.float64]] = []
+        for block in text_blocks(path, _BLOCK_CHARACTERS):
+            table = TextTable.of_text(block, where)
+            if not found:
+                table, found = _columns_of_header(table) if columns is None else _columns_as_told(table, columns)
+                _demand(found, ("voltage_v",), where, None)
+                if ("time_s" in found) == (rate_hz is not None):
+                    return None
+            parts.append(table.numbers(list(found.values()), list(found)))
+    except (InputError, OSError, ValueError, EOFError):
+        return None
+    fields = {name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(found)}
+    if rate_hz is not None:
+        fields["time_s"] = np.arange(fields["voltage_v"].size) / rate_hz
+    if np.any(np.diff(fields["time_s"]) <= 0.0):
+        return None
+    for values in fields.values():
+        values.flags.writeable = False  # nobody else holds it: a recording takes it as it is
+    return fields
 
 
 def _foreign(

@@ -7,6 +7,7 @@ from fomrc_core.records.quality.clipping import NoisyEnd, noisy_end
 from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.quality.long_record import examine_long
 
 __all__ = [
     "DataFault",
@@ -17,6 +18,7 @@ __all__ = [
     "bridged",
     "drive_part",
     "examine",
+    "examine_long",
     "examine_residual",
     "noisy_end",
 ]

@@ -37,17 +37,22 @@ def examine(recording: Recording) -> Examined:
     Raises:
         RecordingError: more than a tenth of the readings are wrong.
     """
-    x = recording.measured_um
     valid = recording.valid_samples
     faults = list(clock_faults(recording.time_s))
-    if x.size >= _N_SAMPLES_MIN and float(np.ptp(recording.voltage_v)) > 0.0:
-        step_um = recurring_step_um(x)
-        found = _masked_faults(recording, valid, step_um)
-        faults += found
-        for fault in found:
-            valid[fault.samples] = False
+    found = reading_faults(recording)
+    faults += found
+    for fault in found:
+        valid[fault.samples] = False
     quality = DataQuality(recording.name, recording.n_samples, tuple(faults), valid)
-    return Examined(_masked(recording, quality), quality)
+    return Examined(masked_recording(recording, quality), quality)
+
+
+def reading_faults(recording: Recording) -> list[DataFault]:
+    """Return what is wrong with the readings of a record; nothing where it is short or its drive rests."""
+    x = recording.measured_um
+    if x.size < _N_SAMPLES_MIN or not float(np.ptp(recording.voltage_v)) > 0.0:
+        return []
+    return _masked_faults(recording, recording.valid_samples, recurring_step_um(x))
 
 
 def examine_residual(recording: Recording, residual_um: Array) -> Examined:
@@ -66,7 +71,7 @@ def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     if np.any(is_spike):
         faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)
     quality = DataQuality(recording.name, recording.n_samples, faults, valid & ~is_spike)
-    return Examined(_masked(recording, quality), quality)
+    return Examined(masked_recording(recording, quality), quality)
 
 
 def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[DataFault]:
@@ -123,7 +128,8 @@ def bridged(values: Array, valid: Mask) -> Array:
     return np.interp(np.arange(values.size), at, values[at])
 
 
-def _masked(recording: Recording, quality: DataQuality) -> Recording:
+def masked_recording(recording: Recording, quality: DataQuality) -> Recording:
+    """Return the record with the samples that do not count bridged; raises RecordingError where they are too many."""
     if quality.n_masked > _MASKED_SHARE_MAX * recording.n_samples:
         worst = max((f for f in quality.faults if f.is_masked), key=lambda f: f.samples.size, default=None)
         raise RecordingError(
