@@ -64,7 +64,8 @@ def main() -> None:
         for cause in options.cause:
             began = time.process_time()
             hidden = hide(stage, cause, seed)
-            found = diagnosed(hidden, identified(hidden, seed) if cause == "missing_mode" else base, seed)
+            model = identified(hidden, seed) if cause == "missing_mode" else base
+            found = diagnosed(hidden, model, seed)
             cpu_s = time.process_time() - began
             right[cause].append(is_right(found, cause))
             names = [" ".join(filter(None, (f.cause, f.kind))) for f in found.findings]

@@ -51,6 +51,11 @@ class AxesCause(ABC):
         """Which of its forms this is; empty where it has one only."""
         return ""
 
+    @property
+    def side(self) -> str:
+        """Where on the chain it acts, if that may be on either: trials of each side are fitted apart."""
+        return ""
+
     @classmethod
     @abstractmethod
     def trials(cls, evidence: AxesEvidence) -> list[AxesCause]:

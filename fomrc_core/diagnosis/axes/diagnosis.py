@@ -125,7 +125,7 @@ def diagnose_axes(
     for name in excluded_causes:
         if name not in names:
             raise ParameterError("unknown cause", where="excluded_causes", value=name, allowed=", ".join(names))
-    steps = search_causes(model, records, lambda s, t: tell(_SHARE_OF_SEARCH * s, t), excluded_causes)
+    steps = search_causes(model, records, lambda s, t: tell(_SHARE_OF_SEARCH * s, t), excluded_causes, model_error)
     extended = steps[-1].accepted.model if steps else model
     before, after = Residuals.of(model, records), Residuals.of(extended, records)
     floor = np.maximum(_noise_by_output(records), model_error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,6 +26,7 @@ _STILL = 1e-4  # relative gain of a step below which it ends
 # much as it couples them; where it does not act, its companions do all that is done.
 _MOST_BY_COMPANIONS = 0.8
 _HOPELESS = 0.01  # gain in the logarithm of the squared error that two steps must have brought: an eighth of a finding
+_SCREENED = 0.005  # the same of what the first step promises, below which none is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +58,18 @@ class Residuals:
         pairs = zip(self.records, self.relative, strict=True)
         return [column for r, e in pairs if np.any(r.is_held) for column in e[r.is_held].T]
 
-    @property
-    def log_excess(self) -> float:
-        """Logarithm of what is left on samples judged on over the noise, mean squares: no cause can gain more."""
+    def log_excess(self, model_error: float) -> float:
+        """Return the logarithm of what is left on samples judged on over the floor, mean squares.
+
+        No cause can gain more.
+
+        Args:
+            model_error: of the model when it was identified [1]; the floor where it is above the noise.
+        """
         pairs = [(r, int(r.is_held.sum())) for r in self.records]
-        noise = sum(n * float(np.sum((r.noise_um / r.scale_um) ** 2)) for r, n in pairs)
+        floor = sum(n * float(np.sum(np.maximum(r.noise_um / r.scale_um, model_error) ** 2)) for r, n in pairs)
         left = float(sum(np.sum(column**2) for column in self.held))
-        return math.log(max(left, 1e-300) / max(noise, 1e-300))
+        return math.log(max(left, 1e-300) / max(floor, 1e-300))
 
     @cached_property
     def n_independent(self) -> float:
@@ -114,37 +120,74 @@ class _Point:
         return self.residuals.squared_error
 
 
-def fitted_cause(cause: AxesCause, model: AxesModel, before: Residuals) -> FittedCause:
-    """Return a cause fitted to what a model leaves.
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A cause at the values a fit begins with, and what its first step promises.
+
+    Attributes:
+        point: where it begins.
+        equations: of the first step; None of a cause without values.
+        promised: squared error after that step, were the residual linear.
+    """
+
+    point: _Point
+    equations: NormalEquations | None
+    promised: float
+
+
+def best_fit(trials: Sequence[AxesCause], model: AxesModel, before: Residuals) -> FittedCause | None:
+    """Return the best of some trials of one form of one cause, fitted to what a model leaves.
+
+    All are tried by their first step; the one that promises most is fitted.
 
     Args:
-        cause: with the values to begin at.
+        trials: with the values to begin at.
         model: the present model.
         before: what it leaves.
-    """
-    records = before.records
 
-    def point_at(values: Array) -> _Point | None:
-        moved = replace(cause, values=values)
-        try:
-            changed = moved.applied(model)
-            return _Point(moved, changed, Residuals.of(changed, records))
-        except ParameterError:
-            return None
+    Returns:
+        The fit, or None where no trial promises anything.
+    """
+    found: list[_Trial] = []
+    for cause in trials:
+        start = _point_at(cause, cause.values, model, before)
+        if start is None:
+            continue
+        equations = _equations(start, model) if cause.values.size else None
+        promised = start.squared_error - (0.0 if equations is None else equations.explained)
+        found.append(_Trial(start, equations, promised))
+    best = min(found, key=lambda trial: trial.promised, default=None)
+    if best is None or best.promised > math.exp(-_SCREENED) * before.squared_error:
+        return None
+    return _fitted(best, model, before)
+
+
+def _point_at(cause: AxesCause, values: Array, model: AxesModel, before: Residuals) -> _Point | None:
+    moved = replace(cause, values=values)
+    try:
+        changed = moved.applied(model)
+        return _Point(moved, changed, Residuals.of(changed, before.records))
+    except ParameterError:
+        return None
+
+
+def _fitted(trial: _Trial, model: AxesModel, before: Residuals) -> FittedCause:
+    records, first = before.records, trial.point
 
     def linearize(point: _Point) -> Linearized[_Point]:
-        equations = _equations(point, point_at)
+        known = trial.equations if point is first else None
+        equations = _equations(point, model) if known is None else known
         most = np.full(equations.moment.size, np.inf)
-        return Linearized(equations, lambda step: point_at(point.cause.values + step), most)
+        return Linearized(
+            equations, lambda step: _point_at(point.cause, point.cause.values + step, model, before), most
+        )
 
     def is_hopeless(n_done: int, point: _Point) -> bool:
         return n_done == 2 and point.squared_error > (1.0 - _HOPELESS) * before.squared_error
 
-    start = point_at(cause.values)
-    assert start is not None, "a trial is a model"
-    point, errors = start, np.zeros(0)
-    if cause.values.size:
-        descent = descend(start, linearize, n_iterations=_N_STEPS, least_gain=_STILL, is_hopeless=is_hopeless)
+    point, errors = first, np.zeros(0)
+    if first.cause.values.size:
+        descent = descend(first, linearize, n_iterations=_N_STEPS, least_gain=_STILL, is_hopeless=is_hopeless)
         point = descent.point
         variance = point.squared_error / max(point.residuals.n_independent, 1.0)
         gram = descent.linearized.equations.gram
@@ -161,12 +204,12 @@ def fitted_cause(cause: AxesCause, model: AxesModel, before: Residuals) -> Fitte
     return FittedCause(point.cause, point.model, point.residuals, score, gain, errors, is_plausible)
 
 
-def _equations(point: _Point, point_at: Callable[[Array], _Point | None]) -> NormalEquations:
+def _equations(point: _Point, model: AxesModel) -> NormalEquations:
     moved = []
     for k in range(point.cause.values.size):
         values = point.cause.values.copy()
         values[k] += _STEP
-        found = point_at(values)
+        found = _point_at(point.cause, values, model, point.residuals)
         moved.append(point.residuals if found is None else found.residuals)
     rows: list[tuple[Array, Array, Mask]] = []
     for r, record in enumerate(point.residuals.records):

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fomrc_core.diagnosis.axes.cause import AxesEvidence
+from fomrc_core.diagnosis.axes.cause import AxesCause, AxesEvidence
 from fomrc_core.diagnosis.axes.causes import CAUSES
-from fomrc_core.diagnosis.axes.fit import FittedCause, Residuals, fitted_cause
+from fomrc_core.diagnosis.axes.fit import FittedCause, Residuals, best_fit
 from fomrc_core.diagnosis.axes.records import AxesRecord
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score, loses_to
 from fomrc_core.model.axes import AxesModel
@@ -47,7 +47,11 @@ class AxesStep:
 
 
 def search_causes(
-    model: AxesModel, records: Sequence[AxesRecord], progress: Progress, excluded: Sequence[str] = ()
+    model: AxesModel,
+    records: Sequence[AxesRecord],
+    progress: Progress,
+    excluded: Sequence[str] = (),
+    model_error: float = 0.0,
 ) -> tuple[AxesStep, ...]:
     """Return the causes that were accepted, in order.
 
@@ -56,19 +60,36 @@ def search_causes(
         records: what is learnt from and judged on.
         progress: told share and text.
         excluded: names of causes not to try.
+        model_error: of the base model when it was identified [1].
     """
     steps: list[AxesStep] = []
     idealised = 0.0  # mean square
     kinds = [kind for kind in CAUSES if kind.name not in excluded]
     present = Residuals.of(model, records)
-    while kinds and len(steps) < _MOST_FINDINGS and present.log_excess > WORTHWHILE_LOG_GAIN:
+    while kinds and len(steps) < _MOST_FINDINGS:
+        # what a model left when it was identified may be a cause, a missing mode say; beside one that was named it
+        # is taken for the model's own
+        own_error = model_error if steps else 0.0
+        if present.log_excess(own_error) < WORTHWHILE_LOG_GAIN:
+            break
+        is_worse = present.log_excess(model_error) > WORTHWHILE_LOG_GAIN
         residuals_um = [e * r.scale_um for e, r in zip(present.relative, records, strict=True)]
         evidence = AxesEvidence(model, records, residuals_um)
-        fitted = []
-        for k, kind in enumerate(kinds):
-            progress((len(steps) + k / len(kinds)) / _MOST_FINDINGS, kind.name)
-            fitted += [fitted_cause(trial, model, present) for trial in kind.trials(evidence)]
-        winner = _winner([c for c in fitted if _is_accepted(c, len(kinds)) and _gained(c) > idealised])
+        fitted: list[FittedCause] = []
+        accepted: list[FittedCause] = []
+        groups = _groups([trial for kind in kinds for trial in kind.trials(evidence)])
+        for k, trials in enumerate(groups):
+            progress((len(steps) + k / len(groups)) / _MOST_FINDINGS, trials[0].name)
+            found = best_fit(trials, model, present)
+            if found is None:
+                continue
+            fitted.append(found)
+            if _is_accepted(found, len(kinds)) and _gained(found) > idealised:
+                accepted.append(found)
+                # no richer cause could predict worthwhile better than by all that the model is worse than it was
+                if found.residuals.log_excess(model_error if is_worse else 0.0) < WORTHWHILE_LOG_GAIN:
+                    break
+        winner = _winner(accepted)
         if winner is None:
             break
         rivals = [c for c in fitted if c.cause.name != winner.cause.name and c.is_plausible]
@@ -78,6 +99,14 @@ def search_causes(
         idealised += _IDEALISED**2 * _gained(winner)
         model, present = winner.model, winner.residuals
     return tuple(steps)
+
+
+def _groups(trials: Sequence[AxesCause]) -> list[list[AxesCause]]:
+    """Return the trials of each cause and number of values together, the fewest values first."""
+    found: dict[tuple[int, str, str], list[AxesCause]] = {}
+    for trial in trials:
+        found.setdefault((trial.values.size, trial.name, trial.side), []).append(trial)
+    return [found[key] for key in sorted(found)]
 
 
 def _gained(fitted: FittedCause) -> float:

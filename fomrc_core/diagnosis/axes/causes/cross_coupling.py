@@ -44,6 +44,11 @@ class CrossCoupling(AxesCause):
         """Whether it is the same at all frequencies."""
         return "dynamic" if self.form == "modes" else "static"
 
+    @property
+    def side(self) -> str:
+        """Sensors, drives or modes."""
+        return self.form
+
     @classmethod
     def trials(cls, evidence: AxesEvidence) -> list[AxesCause]:
         """Return each form, all entries zero; none of a single axis."""
