@@ -25,6 +25,7 @@ from fomrc_core.diagnosis.axes.records import AxesRecord, check_fit
 from fomrc_core.diagnosis.axes.search import AxesStep, search_causes
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
+from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.model.axes import AxesModel
 from fomrc_core.records.recording import Recording
@@ -132,7 +133,7 @@ def diagnose_axes(
     sizes = np.stack([_by_output(before), _by_output(after), floor], axis=1)
     axes, not_asked = _by_axis(records, extended, sizes, tell, executor)
     whole = np.sqrt(np.mean(sizes**2, axis=0))
-    judgement = _judgement(records, after, (float(whole[0]), float(whole[1]), float(whole[2])))
+    judgement = _judgement(extended, after, (float(whole[0]), float(whole[1]), float(whole[2])))
     findings = axes_probabilities(_findings(steps, float(whole[2])), float(whole[0] ** 2 - whole[2] ** 2))
     probabilities = [finding.probability for finding in findings]
     of_axes = [finding.probability for axis in axes for finding in axis.diagnosis.findings]
@@ -169,13 +170,28 @@ def _noise_by_output(records: Sequence[AxesRecord]) -> Array:
     return np.asarray(np.sqrt(weights @ noise / weights.sum()))
 
 
-def _judgement(records: Sequence[AxesRecord], after: Residuals, sizes: tuple[float, float, float]) -> Judgement:
-    # periods that repeat show noise of every speed; differences of samples do not
+def _judgement(model: AxesModel, after: Residuals, sizes: tuple[float, float, float]) -> Judgement:
+    records = after.records
+    # periods that repeat show noise of every speed; differences of samples do not, and there what is left is asked
+    # whether it follows the drives
     sees_slow_noise = all(record.is_periodic for record in records)
+    tests = () if sees_slow_noise else dependences(_driven(model, after))
     worst = max(float(np.sqrt(np.mean(e**2))) for e in after.relative)
     n_learnt = sum(int(r.is_learnt.sum()) * r.displacement_um.shape[1] for r in records)
     learnt = math.sqrt(after.squared_error / n_learnt)
-    return judge(sizes[2], sees_slow_noise, sizes[0], sizes[1], worst, (), learned_um=learnt)
+    return judge(sizes[2], sees_slow_noise, sizes[0], sizes[1], worst, tests, learned_um=learnt)
+
+
+def _driven(model: AxesModel, after: Residuals) -> list[DrivenRecord]:
+    """Return each voltage with each displacement it belongs to, by its number, in one list of records."""
+    found = []
+    for record, relative in zip(after.records, after.relative, strict=True):
+        time = np.arange(record.n_samples) / record.rate_hz
+        predicted = record.predicted_um(model) / record.scale_um
+        everywhere = np.ones(record.n_samples, dtype=np.bool_)
+        for k in range(min(model.n_inputs, model.n_outputs)):
+            found.append(DrivenRecord(time, record.voltage_v[:, k], predicted[:, k], relative[:, k], everywhere))
+    return found
 
 
 def _findings(steps: Sequence[AxesStep], noise: float) -> tuple[AxesFinding, ...]:

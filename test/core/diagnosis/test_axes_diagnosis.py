@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fomrc_core.cli.application import run
 from fomrc_core.diagnosis.axes import AxesDiagnosis, AxesRecord, diagnose_axes
 from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.report.axes_diagnosis_files import FILE_NAMES, write_axes_report
-from fomrc_core.storage.axes_files import read_axes_model
+from fomrc_core.storage.axes_files import read_axes_fit_error, read_axes_model, write_axes_model
 
 Array = NDArray[np.float64]
 
@@ -138,3 +139,29 @@ def test_what_rests_on_nothing_is_refused_in_a_line() -> None:
     still[:, 0] = np.arange(_N)[:, None]
     with pytest.raises(RecordingError, match="dead, axis 2: dead axis"):
         AxesRecord.of("dead", 1.0, still, still)
+
+
+def test_the_command_takes_files_of_several_axes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = _stage()
+    assert stage.modes is not None
+    truth = replace(stage, modes=replace(stage.modes, output_shape=stage.modes.output_shape @ np.diag([1.0, 0.8])))
+    record = _records(truth, 1)[0]
+    columns = {"time_s": np.arange(_N) / _RATE_HZ}
+    for k in range(2):
+        columns |= {
+            f"voltage_{k + 1}_v": record.voltage_v[:, k],
+            f"displacement_{k + 1}_um": record.displacement_um[:, k],
+        }
+    twice = {name: np.concatenate([values, values]) for name, values in columns.items()}
+    twice["time_s"] = np.arange(2 * _N) / _RATE_HZ
+    # two periods alike have no noise: the model's own error is the floor
+    np.savez(tmp_path / "a.npz", **twice)
+    write_axes_model(stage, tmp_path / "stage.yaml", 2.0 * _NOISE)
+    command = ["diagnose", str(tmp_path / "a.npz"), "--periods", "2", "--output", str(tmp_path / "out")]
+    assert run(command) == 2
+    assert "are diagnosed against their model, and none is given" in capsys.readouterr().err
+    assert run([*command, "--model", str(tmp_path / "stage.yaml")]) == 0
+    assert "axis_scale, scale (axis 2, side sensor, factor 0.8" in capsys.readouterr().out
+    results = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert results["percent_of_rms"]["floor"] == pytest.approx(200.0 * _NOISE)
+    assert read_axes_fit_error(tmp_path / "stage.yaml") == 2.0 * _NOISE
