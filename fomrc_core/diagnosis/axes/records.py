@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +16,8 @@ from fomrc_core.records.drive import held_out_blocks, learned_blocks
 from fomrc_core.records.noise import noise_floor
 from fomrc_core.records.recording import Recording
 
-_SETTLED_PERIODS = 1  # periods run in before the one that is looked at: longer than modes ring in records of use
+_RUNG_OUT = 1e-3  # of what modes ring at the start of a run-in, what may be left of it: below any sensor's noise
+_MOST_PERIODS = 8  # of a run-in: what rings longer is no mode of a structure
 _LEAST_SAMPLES = 64
 
 
@@ -100,16 +102,21 @@ class AxesRecord:
 
     def predicted_um(self, model: AxesModel) -> Array:
         """Return what a model gives [um], its offset that of the samples learnt from (n_samples, n_outputs)."""
-        n_run_in = _SETTLED_PERIODS * self.n_samples if self.is_periodic else 0
-        drive = (
-            np.concatenate([self.voltage_v[self.n_samples - n_run_in :], self.voltage_v])
-            if n_run_in
-            else (self.voltage_v)
-        )
+        n_run_in = self._run_in(model) if self.is_periodic else 0
+        before = np.tile(self.voltage_v, (1 + n_run_in // self.n_samples, 1))
+        drive = np.concatenate([before[before.shape[0] - n_run_in :], self.voltage_v])
         state = model.initial_state(self.level_v if self.is_periodic else None)
         found = model.simulate(np.full(drive.shape[0], 1.0 / self.rate_hz), drive, state)[n_run_in:]
         seen = self.is_learnt if np.any(self.is_learnt) else self.is_held
         return np.asarray(found + (self.displacement_um - found)[seen].mean(axis=0))
+
+    def _run_in(self, model: AxesModel) -> int:
+        """Return the samples after which the modes of a model have rung out, at least a period for hysteresis."""
+        if model.modes is None:
+            return self.n_samples
+        slowest_per_s = float(np.min(2.0 * np.pi * model.modes.frequency_hz * model.modes.damping))
+        ringing = math.log(1.0 / _RUNG_OUT) / slowest_per_s * self.rate_hz
+        return int(np.clip(math.ceil(ringing), self.n_samples, _MOST_PERIODS * self.n_samples))
 
     def residual_um(self, model: AxesModel) -> Array:
         """Return measured minus predicted [um], (n_samples, n_outputs)."""
@@ -118,6 +125,11 @@ class AxesRecord:
     def relative_residual(self, model: AxesModel) -> Array:
         """Return the residual as a share of the displacement's rms [1], (n_samples, n_outputs)."""
         return self.residual_um(model) / self.scale_um
+
+
+def mean_noise(records: Sequence[AxesRecord]) -> float:
+    """Return the noise of records, rms over all of them, as a share of the displacements' rms [1]."""
+    return float(np.sqrt(np.mean([(r.noise_um / r.scale_um) ** 2 for r in records])))
 
 
 def check_fit(records: Sequence[AxesRecord], model: AxesModel) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from fomrc_core.diagnosis.axes.cause import AxesCause, AxesEvidence
 from fomrc_core.diagnosis.axes.causes import CAUSES
 from fomrc_core.diagnosis.axes.fit import FittedCause, Residuals, best_fit
-from fomrc_core.diagnosis.axes.records import AxesRecord
+from fomrc_core.diagnosis.axes.records import AxesRecord, mean_noise
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score, loses_to
 from fomrc_core.model.axes import AxesModel
 from fomrc_core.records.noise import autocorrelation_inflation
@@ -23,6 +23,9 @@ _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the 
 _MOST_FINDINGS = 4
 # Of what a named cause changed, rms: it is an idealisation, and what it misses by less is no further cause.
 _IDEALISED = 0.05
+# Of the power a model left above the noise when it was identified: taking away less moves its own misfit about, and is
+# no finding.
+_OWN_SHARE = 1.0 / 3.0
 _SURE = 10.0  # difference in log likelihood that settles it
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good
 
@@ -64,6 +67,7 @@ def search_causes(
     """
     steps: list[AxesStep] = []
     idealised = 0.0  # mean square
+    own = _OWN_SHARE * max(model_error**2 - mean_noise(records) ** 2, 0.0)
     kinds = [kind for kind in CAUSES if kind.name not in excluded]
     present = Residuals.of(model, records)
     while kinds and len(steps) < _MOST_FINDINGS:
@@ -84,12 +88,12 @@ def search_causes(
             if found is None:
                 continue
             fitted.append(found)
-            if _is_accepted(found, len(kinds)) and _gained(found) > idealised:
+            if _is_accepted(found, len(kinds)) and _gained(found) > max(idealised, own):
                 accepted.append(found)
                 # no richer cause could predict worthwhile better than by all that the model is worse than it was
                 if found.residuals.log_excess(model_error if is_worse else 0.0) < WORTHWHILE_LOG_GAIN:
                     break
-        winner = _winner(accepted)
+        winner = _winner(accepted, own)
         if winner is None:
             break
         rivals = [c for c in fitted if c.cause.name != winner.cause.name and c.is_plausible]
@@ -123,8 +127,13 @@ def _is_accepted(fitted: FittedCause, n_causes: int) -> bool:
     )
 
 
-def _winner(accepted: Sequence[FittedCause]) -> FittedCause | None:
-    """Return the best of the simplest; a cause of more numbers must predict held-out samples surely better."""
+def _winner(accepted: Sequence[FittedCause], least_gain: float) -> FittedCause | None:
+    """Return the best of the simplest; a cause of more numbers must predict held-out samples surely better.
+
+    Args:
+        accepted: what passed.
+        least_gain: by how much the mean square must be less [1].
+    """
     best: FittedCause | None = None
     for other in sorted(accepted, key=lambda c: (c.n_free, c.residuals.squared_error)):
         if best is None:
@@ -133,7 +142,8 @@ def _winner(accepted: Sequence[FittedCause]) -> FittedCause | None:
             continue  # the better of them came first
         else:
             added = held_out_score(best.residuals.held, other.residuals.held)
-            if added.is_worthwhile() and added.p_value < _SIGNIFICANCE:
+            gained = added.rms_before_um**2 - added.rms_after_um**2
+            if added.is_worthwhile() and added.p_value < _SIGNIFICANCE and gained > least_gain:
                 best = other
     return best
 

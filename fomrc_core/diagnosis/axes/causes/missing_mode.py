@@ -15,6 +15,7 @@ from fomrc_core.model.axes import AxesModel, AxesModes
 _N_STARTS = 2  # strongest peaks of what is left at which a fit begins
 _APART = 0.05  # relative distance of two peaks
 _FIRST_DAMPING = 0.01
+_DAMPINGS = (-3.0, 3.0)  # logarithm over the first, beyond which nothing is a structure's mode: 0.05 % to 20 %
 _FIRST_SHARE = 0.01  # of a mode's displacement for a drive, over the largest static gain
 _FREQUENCY_UNIT = 0.01
 
@@ -58,7 +59,7 @@ class MissingMode(AxesCause):
         """Return the model with the mode."""
         n_out, n_in = model.n_outputs, model.n_inputs
         hz = self.start_hz * np.exp(_FREQUENCY_UNIT * self.values[0])
-        damping = _FIRST_DAMPING * np.exp(np.clip(self.values[1], -4.0, 3.0))
+        damping = _FIRST_DAMPING * np.exp(np.clip(self.values[1], *_DAMPINGS))
         unit = float(np.max(np.abs(model.static_gain())))
         output = self.values[2 : 2 + n_out] * unit
         inputs = np.insert(self.values[2 + n_out : 1 + n_out + n_in], self.axis, 1.0)
@@ -76,6 +77,10 @@ class MissingMode(AxesCause):
         )
         joints = None if model.joints is None else np.pad(model.joints, ((0, 0), (0, 1)))
         return replace(model, modes=modes, coupling=model.static, joints=joints)
+
+    def is_plausible(self) -> bool:
+        """Return whether its damping is that of a structure."""
+        return bool(_DAMPINGS[0] < self.values[1] < _DAMPINGS[1])
 
     def companions(self) -> AxesCause | None:
         """Return what it does to the other modes."""
