@@ -96,7 +96,7 @@ def test_gram_matrices_are_assembled_in_one_place() -> None:
     assert calls == {"fomrc_core.compute.least_squares", "fomrc_core.diagnosis.leverage"}
 
 
-def test_there_is_one_descent_and_three_fits_by_it() -> None:
+def test_there_is_one_descent_and_four_fits_by_it() -> None:
     damped = {
         module
         for module, node in _nodes(ast.While)
@@ -108,8 +108,10 @@ def test_there_is_one_descent_and_three_fits_by_it() -> None:
         for module, node in _nodes(ast.Call)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "descend"
     }
-    # elements alone, with an analytic Jacobian; effects beside them, by differences; several axes, on their spectra
+    # elements alone, with an analytic Jacobian; effects beside them, by differences; several axes, on their spectra;
+    # changes of several axes, by differences of their simulation
     fits = {"fomrc_core.fitting.element_fit", "fomrc_core.fitting.joint_fit", "fomrc_core.identification.axes.fit"}
+    fits |= {"fomrc_core.diagnosis.axes.fit"}
     assert users == fits
 
 

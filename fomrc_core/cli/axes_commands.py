@@ -47,7 +47,7 @@ def identify_axes(
         records.append(record)
     with progress_shown("identify-axes") as progress:
         identification = identify(tuple(records), options, progress)
-    write_axes_model(identification.model, output)
+    write_axes_model(identification.model, output, identification.worst_error)
     print(identification)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from fomrc_core.cli.axes_diagnosis import diagnose_several_axes
 from fomrc_core.cli.options import (
     COMMAND,
     Accept,
@@ -119,6 +120,9 @@ def diagnose(
         Path | None,
         typer.Option("--model", "-m", metavar="M.yaml", help="Base model; fitted where not given."),
     ] = None,
+    periods: Annotated[
+        int | None, typer.Option(metavar="P", help="Periods in each file, of recordings of several axes.")
+    ] = None,
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
@@ -132,8 +136,15 @@ def diagnose(
 ) -> None:
     """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
 
+    Recordings of several axes (columns voltage_1_v, ..., displacement_1_um, ...) are diagnosed against --model.
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
+    from fomrc_core.storage.axes_files import is_axes_recording
+
+    if recordings and is_axes_recording(recordings[0]):
+        if report is not None:
+            raise ParameterError("not with several axes", where="--report", value=str(report), allowed="--test")
+        return diagnose_several_axes(recordings, output, test, model, periods)
     from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
     from fomrc_core.fitting.memory_plan import DIAGNOSING
     from fomrc_core.records.usability import check_usable

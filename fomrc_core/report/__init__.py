@@ -4,6 +4,7 @@ Nothing is computed here that a number elsewhere depends on.
 """
 
 __all__ = [
+    "axes_diagnosis_files",
     "change_files",
     "check_results",
     "diagnosis_files",

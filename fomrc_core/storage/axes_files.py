@@ -23,8 +23,10 @@ from fomrc_core.storage.tables import TextTable
 
 Array = NDArray[np.float64]
 
+_FIT_ERROR = "fit_error"
 _N_BYTES_MAX = 2**31
 _N_MODEL_BYTES_MAX = 1 << 20
+_N_HEADER = 1 << 14  # of a first line that names columns
 _COLUMN = re.compile(r"(voltage|displacement)_(\d+)_(v|um)$")
 _MODE_LISTS = ("softening", "softening_squared", "damping_change", "gain_change")
 
@@ -79,6 +81,20 @@ def read_axes_recording(path: str | os.PathLike[str], n_periods: int | None = No
     return AxesRecording(Path(where).name, 1.0 / float(np.mean(steps)), folded(inputs), folded(outputs))
 
 
+def is_axes_recording(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file has numbered columns, as records of several axes do; False for what cannot be read."""
+    where = os.fspath(path)
+    try:
+        if where.endswith(".npz"):
+            names = list(_npz(where))
+        else:
+            with open(where, encoding="utf-8", errors="replace") as file:
+                names = file.readline(_N_HEADER).lower().replace(" ", "").strip().split(",")
+    except (OSError, StorageError):
+        return False
+    return any(_COLUMN.match(name) for name in names)
+
+
 def _numbered(columns: dict[str, Array], what: str, where: str) -> list[str]:
     found = {int(match[2]): name for name in columns if (match := _COLUMN.match(name)) and match[1] == what}
     unit = "v" if what == "voltage" else "um"
@@ -112,13 +128,21 @@ def _npz(where: str) -> dict[str, Array]:
     return columns
 
 
-def write_axes_model(model: AxesModel, path: str | os.PathLike[str]) -> None:
+def write_axes_model(model: AxesModel, path: str | os.PathLike[str], fit_error: float | None = None) -> None:
     """Write a model of several axes as a ROS parameter file that reads back bit for bit.
+
+    Args:
+        model: what to write.
+        path: where to.
+        fit_error: what the fit it came from left of the displacements' rms in its worst record [1].
 
     Raises:
         StorageError: the file cannot be written.
     """
-    content = {"/**": {"ros__parameters": {"model": {"axes": axes_mapping(model)}}}}
+    block: dict[str, Any] = {"axes": axes_mapping(model)}
+    if fit_error is not None:
+        block[_FIT_ERROR] = float(fit_error)
+    content = {"/**": {"ros__parameters": {"model": block}}}
     write_text(yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110), path)
 
 
@@ -169,6 +193,20 @@ def read_axes_model(path: str | os.PathLike[str]) -> AxesModel:
     if not isinstance(block.get("axes"), dict):
         raise StorageError("no model of several axes", where=where, value=list(block), allowed="a block axes")
     return axes_from_mapping(block["axes"], f"{where}, model.axes")
+
+
+def read_axes_fit_error(path: str | os.PathLike[str]) -> float:
+    """Return what the fit of a model file's model left in its worst record [1], 0 where the file does not say.
+
+    Raises:
+        StorageError: not readable, or not plain YAML.
+        ParameterError: it is no number, or less than 0.
+    """
+    where = os.fspath(path)
+    value = model_block(load_yaml(read_text(where, n_bytes_max=_N_MODEL_BYTES_MAX), where), where).get(_FIT_ERROR, 0.0)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < float("inf"):
+        raise ParameterError("not an error", where=f"{where}, model.{_FIT_ERROR}", value=value, allowed=">= 0")
+    return float(value)
 
 
 def axes_from_mapping(block: dict[str, Any], where: str = "model.axes") -> AxesModel:

@@ -29,7 +29,7 @@ class NodeProcess:
     """One node in a process.
 
     Args:
-        module: module to run, e.g. ``fomrc_ros.compensator``.
+        module: module to run, e.g. ``fomrc_ros.compensator``, and its options.
         namespace: namespace of the node.
         parameter_files: parameter files.
         parameters: single parameters, which override the files.
@@ -47,7 +47,7 @@ class NodeProcess:
         log: Path,
     ) -> None:
         self.log = log
-        command = [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}"]
+        command = [sys.executable, "-m", *module.split(), "--ros-args", "-r", f"__ns:={namespace}"]
         for file in parameter_files:
             command += ["--params-file", str(file)]
         for name, value in parameters.items():

@@ -18,14 +18,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from fomrc_core.errors import FomrcError, ParameterError
-from fomrc_ros.conversions import Float64Position, um_to_m
+from fomrc_core.model.axes import AxesCompensator
+from fomrc_core.storage.axes_files import read_axes_model
+from fomrc_ros.conversions import Float64Position, m_to_um, um_to_m
 from fomrc_ros.gap.axis_watch import AxisWatch
 from fomrc_ros.gap.geometry import MOTIONS, GapGeometry, motions_of
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
+from fomrc_ros.parameters.gap import AXES_MODEL_SPEC, AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 
 Array = NDArray[np.float64]
@@ -35,6 +37,18 @@ def _geometry(values: Mapping[str, Any]) -> GapGeometry:
     if len(set(values["axes"])) != 3:
         raise ParameterError("not three axes", where="axes", value=values["axes"], allowed="three namespaces")
     return GapGeometry.from_list(values["geometry"])
+
+
+def _inverse_of(path: str) -> AxesCompensator | None:
+    """Return the inverse of the model in a file; None where no file is named."""
+    if not path:
+        return None
+    model = read_axes_model(path)
+    if (model.n_inputs, model.n_outputs) != (3, 3):
+        raise ParameterError(
+            "not a model of three axes", where="axes_model", value=(model.n_inputs, model.n_outputs), allowed="(3, 3)"
+        )
+    return AxesCompensator(model)
 
 
 class _GapNode(Node):
@@ -75,10 +89,15 @@ class _GapNode(Node):
 
 
 class GapCommand(_GapNode):
-    """Subscribes ``desired_gap`` (JointState: piston, tip, tilt), publishes ``desired_position`` per axis."""
+    """Subscribes ``desired_gap`` (JointState: piston, tip, tilt), publishes ``desired_position`` per axis.
+
+    Where a model of the axes together is given, each position is what its axis must do by itself so that all of them
+    are where they are wanted; hysteresis and creep stay with the axes' compensators.
+    """
 
     def __init__(self) -> None:
-        super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC))
+        super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC, AXES_MODEL_SPEC))
+        self._inverse = _inverse_of(self.parameters.values["axes_model"])
         self._axes = [
             self.create_publisher(Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable())
             for axis in self.axes
@@ -91,7 +110,11 @@ class GapCommand(_GapNode):
         except FomrcError as error:
             self.refuse(error)
             return
-        for publisher, position in zip(self._axes, self.parameters.settings.displacements_m(motions), strict=True):
+        positions_m = self.parameters.settings.displacements_m(motions)
+        if self._inverse is not None:
+            wanted_um = np.array([[m_to_um(position) for position in positions_m]])
+            positions_m = np.array([um_to_m(own) for own in self._inverse.decoupled_um(wanted_um)[0]])
+        for publisher, position in zip(self._axes, positions_m, strict=True):
             publisher.publish(Float64(data=float(position)))
 
 

@@ -12,6 +12,13 @@ GEOMETRY_SPEC = ParameterSpec(
     unit="1, m, m",
 )
 AXES_SPEC = ParameterSpec("axes", ["axis1", "axis2", "axis3"], "namespaces of the three axes", is_read_only=True)
+AXES_MODEL_SPEC = ParameterSpec(
+    "axes_model",
+    "",
+    "file of a model of the three axes together (fomrc identify-axes, or by hand): what one axis moves another is "
+    "undone; empty: nothing",
+    is_read_only=True,
+)
 RATE_SPEC = ParameterSpec(
     "rate_hz", 100.0, "rate of the gap", unit="Hz", minimum=1.0, maximum=1000.0, is_read_only=True
 )

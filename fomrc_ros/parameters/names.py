@@ -7,7 +7,7 @@ import functools
 from fomrc_ros.node.model_parameters import effect_spec, parameters_of_effects
 from fomrc_ros.node.parameters import FurtherNames
 from fomrc_ros.parameters.compensator import compensator_specs
-from fomrc_ros.parameters.gap import AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
+from fomrc_ros.parameters.gap import AXES_MODEL_SPEC, AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.parameters.identification import identification_specs
 from fomrc_ros.parameters.simulated_stage import SPECS as STAGE_SPECS
 from fomrc_ros.parameters.watch import watch_specs
@@ -23,6 +23,7 @@ def names_of_package() -> frozenset[str]:
         *watch_specs(),
         GEOMETRY_SPEC,
         AXES_SPEC,
+        AXES_MODEL_SPEC,
         RATE_SPEC,
         STALE_SPEC,
     )

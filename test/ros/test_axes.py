@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 from harness import REPOSITORY, model_file
 from sensor_msgs.msg import JointState
 from small_model import MODEL
+
+from benchmarks.gap_coupling import measured_errors_um
+from fomrc_core.model.axes import AxesModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.storage.axes_files import write_axes_model
 
 MOTIONS = ["piston", "tip", "tilt"]
 
@@ -39,6 +46,21 @@ def test_three_axes_set_a_gap(probe, start):
     assert not probe.set_one("/gap_command", "geometry", [1.0] * 8).successful
     probe.until(lambda: probe.diagnostics.get("/gap_command", {}).get("refused_messages") == "1", "refusal")
     assert reached(np.zeros(3))
+
+
+def test_what_axes_of_one_body_move_of_each_other_is_undone_where_their_model_is_given(tmp_path):
+    found = measured_errors_um(tmp_path, int(os.environ["ROS_DOMAIN_ID"]), n_targets=2)
+    together, apart = (float(np.sqrt(np.mean(errors**2))) for errors in found.values())
+    assert apart > 0.02  # 5 % of some 1 um
+    assert apart > 10.0 * together
+
+
+def test_a_model_of_other_axes_is_refused_in_a_line(tmp_path, start):
+    one = AxesModel((PiezoModel.from_mapping(MODEL),))
+    write_axes_model(one, tmp_path / "one.yaml")
+    node = start("gap_command", axes_model=tmp_path / "one.yaml")
+    assert node.wait_for_exit() == 2
+    assert "axes_model: not a model of three axes, got (1, 1) (allowed: (3, 3))" in node.output()
 
 
 def test_second_axis_is_compensated_where_the_model_has_it(tmp_path, probe, start):

@@ -79,6 +79,11 @@ class AxesIdentification:
     frequency_std_hz: Array
     damping_std: Array
 
+    @property
+    def worst_error(self) -> float:
+        """Relative error of the worst record, mean over its outputs [1]."""
+        return float(np.max(self.errors.mean(axis=1)))
+
     def __str__(self) -> str:
         lines = [f"{self.n_parameters} parameters; error {100.0 * self.errors.mean():.2f} % of the displacement"]
         if self.broken:

@@ -51,6 +51,14 @@ class AxesCompensator:
         """Return the state at rest."""
         return tuple(axis.initial_state() for axis in self._axes)
 
+    def decoupled_um(self, desired_um: Array) -> Array:
+        """Return what each input's own model must move [um] for displacements [um], both (n_samples, n_axes)."""
+        # sums in a fixed order: one sample alone gives what it gives among many
+        own = np.zeros_like(desired_um)
+        for k in range(desired_um.shape[1]):
+            own += desired_um[:, k : k + 1] * self._decoupling[:, k]
+        return own
+
     def run(self, steps_s: Array, desired_um: Array, state: tuple[ModelState, ...] | None = None) -> Array:
         """Return the voltages [V] of desired displacements [um], both of shape (n_samples, n_axes)."""
         desired = np.asarray(desired_um, dtype=np.float64)
@@ -59,10 +67,7 @@ class AxesCompensator:
                 "targets do not fit", where="desired_um", value=desired.shape, allowed=f"(n_samples, {len(self._axes)})"
             )
         states = self.initial_state() if state is None else state
-        # sums in a fixed order: one sample alone gives what it gives among many
-        own = np.zeros_like(desired)
-        for k in range(desired.shape[1]):
-            own += desired[:, k : k + 1] * self._decoupling[:, k]
+        own = self.decoupled_um(desired)
         columns = [axis.run(steps_s, own[:, i], states[i]) for i, axis in enumerate(self._axes)]
         return np.stack(columns, axis=1)
 
