@@ -295,16 +295,6 @@ def test_skew_reads_the_drive_at_the_other_clock(ppm):
     assert out == pytest.approx(3.0 * t * (1.0 + 1e-6 * ppm), abs=1e-12)
 
 
-def test_a_skewed_clock_counts_alike_at_once_and_sample_by_sample():
-    rng = np.random.default_rng(4)
-    steps_s, values = rng.uniform(0.5e-3, 2e-3, 3000), rng.uniform(-1.0, 1.0, 3000)
-    effect = ClockSkew(ppm=-50.0)
-    at_once = effect.run(effect.initial_state(), values, steps_s)
-    state = effect.initial_state()
-    one_by_one = [effect.run(state, values[k : k + 1], steps_s[k : k + 1])[0] for k in range(values.size)]
-    assert np.array_equal(at_once, one_by_one)
-
-
 def test_drifts_and_hum_run_on_the_clock_of_the_record():
     steps_s = np.full(100, 0.01)
     t = np.arange(100) * 0.01  # the record's first sample is at time zero

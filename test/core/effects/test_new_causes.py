@@ -14,6 +14,7 @@ from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
 from fomrc_core.effects.backlash import Backlash
 from fomrc_core.effects.base.linear_modes import logarithmic_modes
 from fomrc_core.effects.charge_leak import ChargeLeak
+from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.cyclic_sensor_error import CyclicSensorError
 from fomrc_core.effects.drive_resonance import DriveResonance
@@ -176,6 +177,16 @@ def test_a_hold_between_samples_is_a_hold_for_what_lags_behind_it() -> None:
     found = linear.with_effects(ZeroOrderHold(step_s), lag).simulate(np.full(drive.size, step_s), drive)
     ramp = linear.with_effects(lag).simulate(np.full(drive.size, step_s), drive)
     assert np.std(found - exact) < 0.1 * np.std(ramp - exact)
+
+
+def test_a_skewed_clock_counts_alike_at_once_and_sample_by_sample() -> None:
+    rng = np.random.default_rng(4)
+    steps_s, values = rng.uniform(0.5e-3, 2e-3, 3000), rng.uniform(-1.0, 1.0, 3000)
+    effect = ClockSkew(ppm=-50.0)
+    at_once = effect.run(effect.initial_state(), values, steps_s)
+    state = effect.initial_state()
+    one_by_one = [effect.run(state, values[k : k + 1], steps_s[k : k + 1])[0] for k in range(values.size)]
+    assert np.array_equal(at_once, one_by_one)
 
 
 # --- hysteresis ----------------------------------------------------------------------------------------------------
