@@ -23,7 +23,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     time_s = np.arange(400) * 0.01
     moved = np.sin(2.0 * np.pi * time_s)
-    columns = {"time_s": time_s, "voltage_v": moved, "displacement_um": 1.3 * moved, "desired_um": moved}
+    lagging = np.sin(2.0 * np.pi * time_s - 0.1)
+    columns = {"time_s": time_s, "voltage_v": moved, "displacement_um": 1.3 * lagging, "desired_um": moved}
     for name in ("good.csv", "other.csv"):
         write_columns(columns, tmp_path / name)
     (tmp_path / "model.yaml").write_bytes(_TABLE_1.read_bytes())
