@@ -27,6 +27,8 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
 
+_FEW_BENT = 4  # bins: where as few less count nothing is seen that was not
+
 
 @dataclass(frozen=True, eq=False)
 class LongSearch:
@@ -109,9 +111,10 @@ class LongSearch:
         return self if is_worth_it or not simpler.known else simpler
 
     def sharpened(self, model: PiezoModel) -> LongSearch | None:
-        """Return the search about a model that was found; None where it leaves nothing less within the bins."""
+        """Return the search about a model that was found; None where it bends as much as before within the bins."""
         about = self.records.about(tuple(effect for effect in model.effects if _acts_thinned(effect)))
-        if not is_calmer(self.records.thinned, about.thinned, 0):
+        n_before, n_after = (sum(t.n_bent for t in r.thinned) for r in (self.records, about))
+        if not (n_after < 0.5 * n_before - _FEW_BENT or is_calmer(self.records.thinned, about.thinned, 0)):
             return None
         return LongSearch(about, self.n_train, self.has_test, self.known, self.effects, self.looked_at)
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.effects import Covariates, Effect
@@ -33,6 +34,8 @@ _N_CHUNK = 1 << 18  # samples run through at a time
 _LEAST_IN_BIN = 3
 _N_SPECTRUM = 1 << 13  # samples of a stretch whose spectrum is taken
 _N_PERIODOGRAMS = 400  # averaged: more make lines no surer than hum is steady
+_BENT_SIGNIFICANCE = 1e-4  # of the hypothesis that a bin holds noise alone
+_MOST_BENT = 0.05  # of the bins: noise that is not the same everywhere is no bend
 _N_LINEAR_FITS = 2  # beside effects: the columns are linear but for the creep order
 
 
@@ -62,6 +65,8 @@ class ThinnedRecord:
         n_averaged: readings in each bin that counted, shape (n_bins,).
         scatter_um: standard deviation of what the first fit leaves within each bin about a straight line [um], shape
             (n_bins,); nan where too few readings counted.
+        n_bent: bins that do not count, for what the first fit leaves is more than noise within them: a mean of a bend
+            is no reading.
         spectrum: of what the first fit leaves at the record's own rate.
         first_fit: the model whose residual was averaged, relaxed or rested before the record.
         substeps: how the kept steps are divided by whoever simulates them.
@@ -72,6 +77,7 @@ class ThinnedRecord:
     outline: DriveOutline
     n_averaged: Array
     scatter_um: Array
+    n_bent: int
     spectrum: LeftSpectrum
     first_fit: TrialModel
     substeps: Substeps
@@ -102,10 +108,7 @@ class ThinnedRecord:
     def noise_um(self) -> float:
         """Noise of single readings [um], from within the bins: of most of them, so that bends do not count."""
         counted = self.scatter_um[np.isfinite(self.scatter_um)]
-        # the median of a chi square of n degrees is n - 2/3, near enough
-        n_degrees = max(self.outline.n_in_bin - 2, 1)
-        share = max(1.0 - 2.0 / (3.0 * n_degrees), 0.5)
-        return float(np.sqrt(np.median(counted**2) / share)) if counted.size else 0.0
+        return _typical(counted, self.outline.n_in_bin) if counted.size else 0.0
 
     def bends(self, least_share: float) -> Index:
         """Return the samples of the whole record at which the drive turns or jumps, rising.
@@ -178,7 +181,8 @@ def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...
         n_averaged[bins], mean_um[bins], scatter_um[bins] = _of_bins(left_um, counts)
     is_mean = outline.bin_of >= 0
     reading_um = np.full(outline.samples.size, np.nan)
-    reading_um[is_mean] = mean_um[outline.bin_of[is_mean]]
+    is_bent = _bent(scatter_um, n)
+    reading_um[is_mean] = np.where(is_bent, np.nan, mean_um)[outline.bin_of[is_mean]]
     counts_here = np.isfinite(reading_um)
     where = np.flatnonzero(counts_here)
     if where.size < 2:
@@ -193,7 +197,26 @@ def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...
         name=whole.name,
         **{name: _means_of(getattr(whole, name), outline) for name in _BESIDE if getattr(whole, name) is not None},
     )
-    return ThinnedRecord(recording, whole, outline, n_averaged, scatter_um, periodogram.spectrum(), first, substeps)
+    return ThinnedRecord(
+        recording, whole, outline, n_averaged, scatter_um, int(np.sum(is_bent)), periodogram.spectrum(), first, substeps
+    )
+
+
+def _bent(scatter_um: Array, n_in_bin: int) -> Mask:
+    """Return the bins within which more is left than noise, the worst of them where they are many, (n_bins,)."""
+    counted = np.isfinite(scatter_um)
+    if n_in_bin <= 2 or not np.any(counted):
+        return np.zeros(scatter_um.size, dtype=np.bool_)
+    noise_um = _typical(scatter_um[counted], n_in_bin)
+    level = float(chi2.isf(_BENT_SIGNIFICANCE, n_in_bin - 2)) / (n_in_bin - 2)
+    worst = float(np.quantile(scatter_um[counted], 1.0 - _MOST_BENT))
+    return np.asarray(np.nan_to_num(scatter_um) > max(np.sqrt(level) * noise_um, worst))
+
+
+def _typical(scatter_um: Array, n_in_bin: int) -> float:
+    # the median of a chi square of n degrees is n - 2/3, near enough
+    share = max(1.0 - 2.0 / (3.0 * max(n_in_bin - 2, 1)), 0.5)
+    return float(np.sqrt(np.median(scatter_um**2) / share))
 
 
 class _Periodogram:
