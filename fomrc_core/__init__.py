@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis, diagnose
     from fomrc_core.effects import Effect
     from fomrc_core.errors import FomrcError
-    from fomrc_core.identification.convex import Fit, identify
+    from fomrc_core.identification.convex import identify
+    from fomrc_core.identification.fit import Fit
     from fomrc_core.model.compensator import Compensator
     from fomrc_core.model.piezo_model import PiezoModel
     from fomrc_core.records.recording import Recording
@@ -48,7 +49,7 @@ _MODULE_OF_NAME = {
     "Compensator": "fomrc_core.model.compensator",
     "Diagnosis": "fomrc_core.diagnosis.diagnosis",
     "Effect": "fomrc_core.effects",
-    "Fit": "fomrc_core.identification.convex",
+    "Fit": "fomrc_core.identification.fit",
     "FomrcError": "fomrc_core.errors",
     "PiezoModel": "fomrc_core.model.piezo_model",
     "Recording": "fomrc_core.records.recording",

@@ -7,6 +7,7 @@ __all__ = [
     "axes",
     "convex",
     "element_count",
+    "fit",
     "fleet",
     "paper",
     "parameter_errors",

@@ -22,7 +22,7 @@ from fomrc_core.fitting.element_fit import trial_of
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.memory_plan import IDENTIFYING
 from fomrc_core.fitting.trial_model import predict
-from fomrc_core.identification.convex import Fit
+from fomrc_core.identification.fit import Fit
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording

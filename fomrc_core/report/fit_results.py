@@ -10,7 +10,7 @@ from fomrc_core.report.quality_view import quality_results
 
 if TYPE_CHECKING:
     from fomrc_core.fitting.long_records import Thinning
-    from fomrc_core.identification.convex import Fit
+    from fomrc_core.identification.fit import Fit
     from fomrc_core.identification.uncertainty import Uncertainty
 
 

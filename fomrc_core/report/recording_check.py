@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.diagnosis.detectable import detectable
-from fomrc_core.identification.convex import Fit, identify
+from fomrc_core.identification.convex import identify
+from fomrc_core.identification.fit import Fit
 from fomrc_core.identification.uncertainty import Uncertainty, estimate_uncertainty
 from fomrc_core.records.drive import MANY_LOOPS, begins_at_zero, n_loop_kinds
 from fomrc_core.records.noise import NoiseFloor, noise_floor

@@ -17,7 +17,8 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
-from fomrc_core.identification.convex import Fit, identify
+from fomrc_core.identification.convex import identify
+from fomrc_core.identification.fit import Fit
 from fomrc_core.identification.paper import PaperFit, identify_paper
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import Substeps

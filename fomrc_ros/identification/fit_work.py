@@ -13,7 +13,7 @@ from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
 
 if TYPE_CHECKING:  # the fits take seconds to import, and only the process that does the work needs them
-    from fomrc_core.identification.convex import Fit
+    from fomrc_core.identification.fit import Fit
     from fomrc_core.report.provenance import Provenance
 
 # What a diagnosis writes into its folder.

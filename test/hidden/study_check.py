@@ -13,7 +13,8 @@ import argparse
 
 import numpy as np
 
-from fomrc_core.identification.convex import Fit, identify
+from fomrc_core.identification.convex import identify
+from fomrc_core.identification.fit import Fit
 from fomrc_core.identification.uncertainty import estimate_uncertainty
 from fomrc_core.records.recording import Recording
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fomrc_core.errors import ParameterError, RecordingError
-from fomrc_core.identification.convex import Fit, FitOutcome, identify
+from fomrc_core.identification.convex import identify
+from fomrc_core.identification.fit import Fit, FitOutcome
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V, SATURATION_V
 from fomrc_core.records.excitation import concatenate, staircase, triangle
