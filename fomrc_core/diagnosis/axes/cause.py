@@ -73,6 +73,11 @@ class AxesCause(ABC):
             model: the model it changes.
         """
 
+    @property
+    def longest_step(self) -> Array:
+        """Longest step of each value that a fit may take at once, (n_values,)."""
+        return np.full(self.values.size, np.inf)
+
     def companions(self) -> AxesCause | None:
         """Return what merely comes along with it, that is, itself without what it is named for; None where nothing.
 

@@ -177,9 +177,10 @@ def _fitted(trial: _Trial, model: AxesModel, before: Residuals) -> FittedCause:
     def linearize(point: _Point) -> Linearized[_Point]:
         known = trial.equations if point is first else None
         equations = _equations(point, model) if known is None else known
-        most = np.full(equations.moment.size, np.inf)
         return Linearized(
-            equations, lambda step: _point_at(point.cause, point.cause.values + step, model, before), most
+            equations,
+            lambda step: _point_at(point.cause, point.cause.values + step, model, before),
+            point.cause.longest_step,
         )
 
     def is_hopeless(n_done: int, point: _Point) -> bool:

@@ -165,3 +165,19 @@ def test_the_command_takes_files_of_several_axes(tmp_path: Path, capsys: pytest.
     results = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert results["percent_of_rms"]["floor"] == pytest.approx(200.0 * _NOISE)
     assert read_axes_fit_error(tmp_path / "stage.yaml") == 2.0 * _NOISE
+
+
+def test_what_is_left_of_one_axis_is_asked_for_causes_of_its_own() -> None:
+    axis = PiezoModel(np.array([6.0, 2.0]), np.array([0.4]), 0.01)
+    stage = AxesModel((axis, axis), coupling=np.array([[1.0, 0.02], [0.01, 1.0]]))
+    rng, rate_hz, n = np.random.default_rng(1), 200.0, 2000
+    time = np.arange(n) / rate_hz
+    triangle = 2.0 * np.abs(2.0 * (np.array([[0.5], [0.8]]) * time % 1.0) - 1.0) - 1.0
+    drive = (1.0 - triangle.T) * np.minimum(1.0, 0.3 + time[:, None] / 8.0) / 2.0
+    moved = stage.simulate(np.full(n, 1.0 / rate_hz), drive) + 1e-3 * rng.normal(size=drive.shape)
+    moved[:, 0] += 0.02 * np.sin(2.0 * np.pi * 31.0 * time + 0.3)
+    record = AxesRecord.of("slow", rate_hz, drive[:, :, None], moved[:, :, None])
+    found = diagnose_axes([record], stage)
+    assert found.findings == ()
+    assert [(axis.axis, axis.causes) for axis in found.axes] == [(1, ("mains_hum",))]
+    assert found.axes[0].diagnosis.findings[0].parameters["frequency_hz"] == pytest.approx(31.0, rel=1e-3)

@@ -78,6 +78,13 @@ class MissingMode(AxesCause):
         joints = None if model.joints is None else np.pad(model.joints, ((0, 0), (0, 1)))
         return replace(model, modes=modes, coupling=model.static, joints=joints)
 
+    @property
+    def longest_step(self) -> Array:
+        """A mode's width in frequency, and a factor of two in damping: further the response is another."""
+        most = np.full(self.values.size, np.inf)
+        most[:2] = 1.0, np.log(2.0)
+        return most
+
     def is_plausible(self) -> bool:
         """Return whether its damping is that of a structure."""
         return bool(_DAMPINGS[0] < self.values[1] < _DAMPINGS[1])
