@@ -8,10 +8,13 @@ __all__ = [
     "checkpoint",
     "compensation_loop",
     "held_inputs",
+    "loop_account",
     "loop_timing",
     "model_gate",
     "plausible_model",
+    "previewed_target",
     "stage_stream",
     "tick_grid",
+    "trajectory",
     "voltage_limits",
 ]

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.control.actuator_memory import ActuatorMemory, aging_steps, carried, carries_exactly
-from fomrc_core.control.compensation_loop import Move
+from fomrc_core.control.loop_account import Move
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.model.compensator import Compensator

@@ -21,6 +21,7 @@ from fomrc_core.errors import FomrcError, StorageError
 from fomrc_ros.compensator.lending import LendingServices
 from fomrc_ros.compensator.report import Condition, Refusals, describe
 from fomrc_ros.compensator.services import RelaxServices, ReloadService
+from fomrc_ros.compensator.trajectory_topic import TrajectoryTopic
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.node.diagnostics import DiagnosticsPublisher, Report
 from fomrc_ros.node.lifecycle_log import logged
@@ -88,6 +89,7 @@ class CompensatorNode(LifecycleNode):
         self._work = WorkerRunner(self)
         ReloadService(self, self.parameters, self._work)
         LendingServices(self, self._drive, self._publisher.topic_name)
+        TrajectoryTopic(self, self._drive, values["joint_name"], self._refuse)
         # The change of state waits for the ramp that comes before it, and holds nothing else up meanwhile.
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -136,7 +138,7 @@ class CompensatorNode(LifecycleNode):
             loop = self._resumed(path)
             self._checkpoint = CheckpointWriter(path, self.parameters.values["checkpoint_period_s"])
         refusal = self.problem
-        self._drive.take_loop(loop or CompensationLoop(settings.compensator, settings.loop))
+        self._drive.take_loop(loop or CompensationLoop(settings.compensator, settings.loop, preview=settings.preview))
         self.problem = refusal or self.problem
         return super().on_configure(state)
 
@@ -209,7 +211,14 @@ class CompensatorNode(LifecycleNode):
             return None
         exactness = "" if resumed.is_exact else "; another model was in force then, its memory was taken over"
         self.get_logger().info(f"memory resumed after {resumed.down_time_s:.3f} s{exactness}")
-        return CompensationLoop(compensator, self.settings.loop, resumed.memory, resumed.voltage_v, resumed.target_um)
+        return CompensationLoop(
+            compensator,
+            self.settings.loop,
+            resumed.memory,
+            resumed.voltage_v,
+            resumed.target_um,
+            preview=self.settings.preview,
+        )
 
     async def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
@@ -297,7 +306,7 @@ class CompensatorNode(LifecycleNode):
     def _drive_one(self, step_s: float) -> None:
         self._ticked_at_s = time.monotonic()
         try:
-            voltage_v = self._drive.tick(step_s, self._ticked_at_s)
+            voltage_v = self._drive.tick(step_s, self._ticked_at_s, self._grid.time_s)
             if voltage_v is not None:
                 self._publish(voltage_v)
         except Exception as error:
@@ -329,7 +338,7 @@ class CompensatorNode(LifecycleNode):
             return
         loop.settings = settings.loop
         if settings.compensator is not None and settings.compensator is not loop.newest_compensator:
-            loop.swap(settings.compensator)
+            loop.swap(settings.compensator, settings.preview)
 
     def _describe(self) -> Report:
         return describe(

@@ -11,6 +11,7 @@ from fomrc_core.control.compensation_loop import LoopSettings
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.preview_inverse import LONGEST_PREVIEW_S, PreviewInverse
 from fomrc_ros.conversions import INTERFACES
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders, started_with
@@ -112,6 +113,15 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
             is_read_only=True,
         ),
         ParameterSpec(
+            "preview_s",
+            0.0,
+            "how late targets are followed, so that resonances, delays and the amplifier are undone; 0: at once",
+            unit="s",
+            minimum=0.0,
+            maximum=LONGEST_PREVIEW_S,
+            is_read_only=True,
+        ),
+        ParameterSpec(
             "checkpoint_file",
             "",
             "file that keeps the memory over a restart, none if empty",
@@ -148,6 +158,7 @@ class CompensatorSettings:
         relax_amplitude_v: first amplitude of the relaxation routine [V].
         relax_duration_s: its duration [s].
         relax_frequency_hz: its frequency [Hz].
+        preview: undoes dynamics with the target's future; None where targets are followed at once.
     """
 
     compensator: Compensator | None
@@ -156,6 +167,7 @@ class CompensatorSettings:
     relax_amplitude_v: float
     relax_duration_s: float
     relax_frequency_hz: float
+    preview: PreviewInverse | None = None
 
 
 class SettingsBuilder:
@@ -164,6 +176,7 @@ class SettingsBuilder:
     def __init__(self) -> None:
         self._model_values: dict[str, Any] = {}
         self._compensator: Compensator | None = None
+        self._preview: PreviewInverse | None = None
 
     def __call__(self, values: Mapping[str, Any]) -> CompensatorSettings:
         """Return the settings.
@@ -175,6 +188,10 @@ class SettingsBuilder:
         amplitude = values["relax_amplitude_v"]
         if not limits.minimum_v <= 0.0 <= limits.maximum_v and not amplitude < limits.maximum_v - limits.minimum_v:
             raise ParameterError("wider than the voltage limits", where="relax_amplitude_v", value=amplitude)
+        if values["preview_s"] > values["history_s"]:
+            raise ParameterError(
+                "longer than the history", where="preview_s", value=values["preview_s"], allowed="up to history_s"
+            )
         return CompensatorSettings(
             self._made(values),
             LoopSettings(
@@ -188,13 +205,21 @@ class SettingsBuilder:
             amplitude,
             values["relax_duration_s"],
             values["relax_frequency_hz"],
+            self._preview,
         )
 
     def _made(self, values: Mapping[str, Any]) -> Compensator | None:
         model_values = {name: value for name, value in values.items() if name.startswith("model.")}
         if model_values != self._model_values or self._compensator is None:
             model = model_from_values(values)
-            self._compensator = None if model is None else warmed_up(Compensator(model))
+            preview = compensator = None
+            if model is not None and values["preview_s"] > 0.0:
+                preview = PreviewInverse.of(model, 1.0 / values["rate_hz"], values["preview_s"])
+                compensator = warmed_up(preview.core)
+                preview.warm_up()
+            elif model is not None:
+                compensator = warmed_up(Compensator(model))
+            self._compensator, self._preview = compensator, preview
             self._model_values = model_values
         return self._compensator
 
