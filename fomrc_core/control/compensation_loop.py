@@ -144,11 +144,10 @@ class CompensationLoop:
         followed_um = None if self._previewed is None else self._previewed.desired_um
         return self.target_um if followed_um is None else followed_um
 
-    @property
-    def is_target_at_rest(self) -> bool:
-        """Whether all that is still to be followed is the target."""
-        ahead_um = np.zeros(0) if self._previewed is None else self._previewed.ahead_um
-        return self._trajectory is None and bool(np.all(ahead_um == self.target_um))
+    def driven_ahead(self, n_steps: int) -> Array:
+        """Return where the stage is to be driven in the next steps [um], (n_steps,), were the target held."""
+        driven_um = None if self._previewed is None else self._previewed.driven_ahead(n_steps)
+        return np.full(n_steps, self.target_um) if driven_um is None else driven_um
 
     def forget_target(self) -> None:
         """Drop the target: nothing is followed before the next one."""

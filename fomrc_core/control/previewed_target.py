@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from fomrc_core.compute.arrays import Array
 from fomrc_core.model.preview_inverse import Planned, PreviewInverse
 from fomrc_core.model.preview_window import PreviewWindow
@@ -28,11 +26,14 @@ class PreviewedTarget:
         window = self._window
         return None if window is None or not window.is_followed else window.desired_um
 
-    @property
-    def ahead_um(self) -> Array:
-        """Targets from now on, to the newest [um], shape (n_preview + 1,) or empty."""
+    def driven_ahead(self, n_steps: int) -> Array | None:
+        """Return where the stage is to be driven in steps to come [um], (n_steps,), the newest target held.
+
+        None where no target is followed.
+        """
         window = self._window
-        return np.zeros(0) if window is None or not window.is_followed else window.targets_um[window.present :]
+        is_followed = window is not None and window.is_followed
+        return self.preview.driven_ahead(window, n_steps) if window is not None and is_followed else None
 
     def restart(self) -> None:
         """Forget everything: the memory has changed otherwise than by following."""

@@ -255,6 +255,17 @@ class PreviewInverse:
         voltage = self.drive_filter.taps @ np.concatenate((inner, wanted))
         return Planned(float(voltage), float(moved[0]), float(wanted[0]))
 
+    def driven_ahead(self, window: PreviewWindow, n_steps: int) -> Array:
+        """Return displacements before the mechanics in steps to come [um], (n_steps,), the newest target held.
+
+        Args:
+            window: of the last step.
+            n_steps: how many.
+        """
+        targets_um = np.append(window.targets_um, np.full(n_steps, window.targets_um[-1]))
+        first, taps = window.present - self.target_filter.n_behind + 1, self.target_filter.taps
+        return np.asarray(np.correlate(targets_um[first : first + n_steps + taps.size - 1], taps, "valid"))
+
     def inner_after(self, window: PreviewWindow, voltage_v: float) -> float:
         """Return what the amplifier makes of a voltage [V] after those of the window [V]."""
         if not self.amplifier:
