@@ -13,6 +13,7 @@ __all__ = [
     "kernels",
     "known_target",
     "literal_model",
+    "near_sample_rate",
     "piezo_model",
     "plain_kernels",
     "prehistory",

@@ -24,6 +24,7 @@ from fomrc_core.effects.base.course import Course
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.kernels import inverse_step
+from fomrc_core.model.near_sample_rate import ringing_notes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.preview_filter import PreviewFilter, preview_filter
 from fomrc_core.model.preview_window import PreviewWindow
@@ -179,7 +180,15 @@ class PreviewInverse:
 
     @property
     def note(self) -> str:
-        """What the user should know of the preview, in a line; "" where it is long enough."""
+        """What the user should know of preview and rate, in a line; "" where both are enough."""
+        return "; ".join(filter(None, (self._short_note, *self._ringing_notes)))
+
+    @functools.cached_property
+    def _ringing_notes(self) -> list[str]:
+        return ringing_notes((*self.amplifier, *self.mechanics), self.step_s, "rate_hz of")
+
+    @functools.cached_property
+    def _short_note(self) -> str:
         reaches_hz = min(self.target_filter.reaches_hz, self.drive_filter.reaches_hz)
         if self.holds_to_hz >= _ENOUGH * reaches_hz or not math.isfinite(reaches_hz):
             return ""

@@ -159,10 +159,16 @@ def test_swapped_model_stands_as_if_it_had_run_all_along():
 @pytest.mark.parametrize(("preview_s", "holds_to_hz"), [(0.001, 100.0), (0.01, 220.0)])
 def test_a_preview_that_is_too_short_says_so(preview_s, holds_to_hz):
     preview = PreviewInverse.of(fast_model(), PERIOD_S, preview_s)
-    assert bool(preview.note) == (preview_s < 0.005)
+    assert ("too short" in preview.note) == (preview_s < 0.005)
     assert preview.holds_to_hz < holds_to_hz
     step = driven(previewing(fast_model(), preview_s), np.full(200, 1.0))
     assert np.max(np.abs(step)) < 4.0 * abs(step[-1]), "never a wild voltage"
+
+
+def test_a_resonance_near_the_sample_rate_is_told():
+    assert "rate_hz of 1.2e+03 or more holds it" in PreviewInverse.of(fast_model(), PERIOD_S, PREVIEW_S).note
+    slower = fast_model(mechanical_resonance={"frequency_hz": 150.0, "damping_ratio": 0.02})
+    assert PreviewInverse.of(slower, PERIOD_S, PREVIEW_S).note == ""
 
 
 @pytest.mark.parametrize("preview_s", [0.0, -1.0, 2.0, float("nan")])
