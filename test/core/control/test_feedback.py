@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from small_model import MODEL
 
+from fomrc_core.control.checkpoint import CheckpointWriter, read_checkpoint
 from fomrc_core.control.compensation_loop import CompensationLoop, LoopSettings
 from fomrc_core.control.feedback import Feedback
 from fomrc_core.control.gain_margin import largest_bandwidth_hz
@@ -181,3 +182,37 @@ def test_the_largest_bandwidth_has_a_gain_margin_of_six_decibels(effects):
     print([str(effect) for effect in effects], bandwidth_hz, margins)
     assert min(margins) * 1.001 >= 2.0
     assert min(margins) < 3.0, "and not much more than that"
+
+
+def test_a_restart_goes_on_with_what_was_added(tmp_path):
+    bench = Bench()
+    bench.run(STEP_UM)
+    loop, file = bench.loop, tmp_path / "memory"
+    writer = CheckpointWriter(file, 3600.0)
+    writer.note(
+        loop.compensator,
+        loop.memory,
+        loop.moves,
+        loop.followed_um,
+        loop.voltage_v,
+        correction_um=loop.correction_um,
+        is_discontinuous=True,
+    )
+    writer.close()
+    resumed = read_checkpoint(file, loop.compensator, PERIOD_S)
+    assert resumed is not None
+    assert resumed.is_exact
+    assert resumed.correction_um == loop.correction_um
+    assert abs(resumed.correction_um + 2.0 * 0.05 / 1.05) < 3.0 * NOISE_UM
+    again = CompensationLoop(
+        loop.compensator,
+        loop.settings,
+        resumed.memory,
+        resumed.voltage_v,
+        resumed.target_um - resumed.correction_um,
+        preview=loop.preview,
+    )
+    again.correction_um = resumed.correction_um
+    # Held where it was: creep goes on by less than a millivolt.
+    assert abs(again.tick(PERIOD_S) - loop.voltage_v) < 1e-3
+    assert abs(again.target_um - 2.0) < 3.0 * NOISE_UM
