@@ -19,6 +19,7 @@ from fomrc_core.control.gain_margin import largest_bandwidth_hz
 from fomrc_core.control.stage_motion import StageMotion
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.effects import effect_classes
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.preview_inverse import PreviewInverse
@@ -62,7 +63,7 @@ class Known:
 def diagnosed(stage: SimulatedRig, progress: Callable[[float, str], None]) -> Known:
     """Return what recordings of a stage say of it, by ``diagnose`` as ``fomrc diagnose`` runs it.
 
-    A triangle and a multisine to learn from, a staircase to accept on; the sensor is told to be fast: a user knows.
+    A triangle and a multisine to learn from, a staircase to accept on; the sensor is told to be good: a user knows.
 
     Args:
         stage: what is recorded.
@@ -72,9 +73,10 @@ def diagnosed(stage: SimulatedRig, progress: Callable[[float, str], None]) -> Kn
         excitation.triangle(slope_v_per_s=10.0, rate_hz=RATE_HZ),
         excitation.multisine(1.5, lowest_hz=2.0, highest_hz=400.0, period_s=0.5, rate_hz=RATE_HZ),
     )
+    of_sensor = [name for name, kind in effect_classes().items() if kind.is_of_sensor]
     records = [stage.measure(drive, seed=seed) for seed, drive in enumerate(drives)]
     test = stage.measure(excitation.staircase(dwell_s=0.05, step_v=0.5, rate_hz=RATE_HZ), seed=9)
-    found = diagnose(records, test=test, excluded_causes=("sensor_bandwidth", "mains_hum"), progress=progress)
+    found = diagnose(records, test=test, excluded_causes=of_sensor, progress=progress)
     model = found.extended_model
     causes = ", ".join(str(cause) for cause in model.causes) or "nothing beside hysteresis and creep"
     return Known(
