@@ -315,7 +315,7 @@ class CompensatorNode(LifecycleNode):
         self._ticked_at_s = time.monotonic()
         try:
             self._motion.before_tick(self._drive.loop)
-            voltage_v = self._drive.tick(step_s, self._ticked_at_s, self._grid.time_s)
+            voltage_v = self._drive.tick(step_s, self._ticked_at_s, self._grid.clock_s)
             if voltage_v is not None:
                 self._publish(voltage_v)
             self._motion.after_tick(self._drive.loop)
