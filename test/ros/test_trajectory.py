@@ -53,8 +53,7 @@ def test_a_trajectory_is_followed_replaced_and_cancelled(tmp_path, probe, start)
     inside = (times_s > 0.05) & (times_s < 0.95)
     lags_s = np.arange(0.0, 4e-3, 1e-4)
     off_m = [moved_m[inside] - 1e-6 * np.sin(10.0 * math.pi * (times_s[inside] - lag)) for lag in lags_s]
-    # The median, for a process may be held up, and late by what two of them take to hand a voltage on. Followed without
-    # the preview taken into account it would be late by that, and a course of lines between its points off by as much.
+    # The median, for a process may be held up; late by what two of them take to hand a voltage on, not by the preview.
     errors = [float(np.median(np.abs(off))) for off in off_m]
     print(f"late by {1e3 * lags_s[int(np.argmin(errors))]:.1f} ms, error {min(errors) / 2e-6:.2%} of the range")
     assert lags_s[int(np.argmin(errors))] < 3.5e-3
