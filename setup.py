@@ -25,6 +25,7 @@ extras = {
         "ros-sensor-msgs",
         "ros-diagnostic-msgs",
         "ros-lifecycle-msgs",
+        "ros-trajectory-msgs",
         "ros-rcl-interfaces",
     ],
     # Kept for who asks for it by its old name: numba is part of the base.

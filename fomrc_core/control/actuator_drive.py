@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fomrc_core.control.compensation_loop import Activity, CompensationLoop
+from fomrc_core.control.compensation_loop import CompensationLoop
+from fomrc_core.control.loop_account import Activity
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import FomrcError
 
@@ -191,12 +192,13 @@ class ActuatorDrive:
 
     # ticks
 
-    def tick(self, step_s: float, now_s: float) -> float | None:
+    def tick(self, step_s: float, now_s: float, time_s: float = math.nan) -> float | None:
         """Return the voltage [V] of this tick, None where there is none to publish.
 
         Args:
             step_s: time since the last tick [s].
             now_s: time of a clock that nobody sets, for the lease [s].
+            time_s: time of the clock that trajectories go by [s].
         """
         lease = self._lease
         if lease is not None and now_s - lease.renewed_at_s > self.settings.lease_s:
@@ -208,7 +210,7 @@ class ActuatorDrive:
             return None if lease.goal_v is None else self._tick_to(lease.goal_v, step_s)
         if self._is_stopping or not self.is_active or self.loop is None:
             return None
-        return self.loop.tick(step_s)
+        return self.loop.tick(step_s, time_s)
 
     def _run_out(self, lease: _Lease) -> None:
         self.take_back()

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.control.actuator_memory import ActuatorMemory, aging_steps, carried, carries_exactly
-from fomrc_core.control.compensation_loop import Move
+from fomrc_core.control.loop_account import Move
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.model.compensator import Compensator
@@ -54,6 +54,7 @@ class Resumed:
         target_um: last displacement followed [um].
         down_time_s: time between the last tick and now [s].
         is_exact: whether the model is the one the memory was kept for, or differs in a way that carries over.
+        correction_um: what a sensor had added to where the stage was to go, at the snapshot [um].
     """
 
     memory: ActuatorMemory
@@ -61,6 +62,7 @@ class Resumed:
     target_um: float
     down_time_s: float
     is_exact: bool
+    correction_um: float = 0.0
 
 
 class CheckpointWriter:
@@ -104,8 +106,10 @@ class CheckpointWriter:
         desired_um: float,
         voltage_v: float,
         *,
+        correction_um: float = 0.0,
         is_discontinuous: bool = False,
     ) -> None:
+        # Many arguments: what a tick leaves, noted once a tick, without an object made for it.
         """Note a tick; takes microseconds.
 
         Args:
@@ -114,6 +118,7 @@ class CheckpointWriter:
             moves: by what the tick has moved the memory, in order.
             desired_um: displacement the memory stands at [um].
             voltage_v: voltage published [V].
+            correction_um: what a sensor has added to where the stage is to go [um].
             is_discontinuous: whether the memory changed otherwise than by the moves.
         """
         now = time.time()
@@ -127,6 +132,7 @@ class CheckpointWriter:
             self._begin_journal()
             content = _snapshot(compensator, memory, voltage_v, desired_um, now)
             content |= {"sequence": self._sequence, "journal_bytes": self._journal_bytes}
+            content |= {"correction_um": correction_um}
             self._queue.put((self._sequence, content))
         if is_discontinuous:
             # The journal does not tell of it, so it must be on disk before the next tick; rare enough.
@@ -213,6 +219,7 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
         voltage_v, desired_um = float(content["voltage_v"]), float(content["desired_um"])
         wall_s, sequence = float(content["wall_time_s"]), int(content["sequence"])
         n_bytes_before = int(content.get("journal_bytes", 0))
+        correction_um = float(content.get("correction_um", 0.0))
     except (KeyError, TypeError, ValueError, FomrcError) as error:
         raise StorageError(f"checkpoint does not hold a memory: {error}", where=where) from None
     expected = old.initial_state()
@@ -231,7 +238,7 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
     resumed = memory if is_same else carried(old, compensator, memory)
     for step_s in aging_steps(max(down_time_s, 0.0), period_s):
         resumed.advance(compensator, desired_um, step_s)
-    return Resumed(resumed, voltage_v, desired_um, down_time_s, is_exact)
+    return Resumed(resumed, voltage_v, desired_um, down_time_s, is_exact, correction_um)
 
 
 def is_checkpoint(path: Path) -> bool:

@@ -60,6 +60,7 @@ class CyclicSensorError(Effect):
     name: ClassVar[str] = "cyclic_sensor_error"
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 55.0
+    is_of_sensor: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # a share of the period that shifts the phase little, even at the far end of many cycles
         Parameter("period_um", "um", 1e-9, 1e6, is_log=True, description="period of the error", difference=1e-6),

@@ -41,6 +41,7 @@ class MainsHum(Effect):
     name: ClassVar[str] = "mains_hum"
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 60.0
+    is_of_sensor: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # a share of the frequency that turns the phase little, even at the end of an hour
         Parameter("frequency_hz", "Hz", 1e-7, 1e9, is_log=True, description="fundamental frequency", difference=1e-8),

@@ -25,6 +25,7 @@ class SensorBandwidth(Effect):
     name: ClassVar[str] = "sensor_bandwidth"
     stage: ClassVar[Stage] = Stage.MECHANICAL
     order: ClassVar[float] = 25.0
+    is_of_sensor: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("cutoff_hz", "Hz", 1e-7, 1e9, is_log=True, description="-3 dB frequency"),
         Parameter("n_poles", "1", 1.0, float(_MOST_POLES), description="number of poles, a whole number"),

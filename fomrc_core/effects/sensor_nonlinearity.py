@@ -23,6 +23,7 @@ class SensorNonlinearity(Effect):
     name: ClassVar[str] = "sensor_nonlinearity"
     stage: ClassVar[Stage] = Stage.SENSED
     order: ClassVar[float] = 50.0
+    is_of_sensor: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("quadratic_per_um", "1/um", -1e9, 1e9, description="quadratic error"),
         Parameter("cubic_per_um2", "1/um^2", -1e18, 1e18, description="cubic error"),

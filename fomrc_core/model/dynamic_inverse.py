@@ -21,6 +21,7 @@ from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.course import FLAT, Course
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.known_target import KnownTarget
+from fomrc_core.model.near_sample_rate import ringing_notes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.waveform import Waveform
 
@@ -34,9 +35,6 @@ _N_FIRST = 60
 # Creep goes on with the logarithm of time. The period halfway between the second and the hundredth (sqrt(2 * 100)) is
 # the one whose level is least off in both.
 N_PERIODS = 14
-# A mode beyond this share of the sample rate is set ringing by the corners of a voltage straight between samples, whose
-# images lie around the sample rate: twenty times what the samples hold, at a quarter of it and damping of a hundredth.
-_RINGS_FROM, _RINGS_TO, _RINGS_ABOVE = 0.25, 1.25, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,19 +161,7 @@ class _KnownChain:
 
     def ringing_notes(self) -> list[str]:
         """Return a line for each effect that rings near the sample rate."""
-        rate_hz = 1.0 / self.course.step_s
-        frequency_hz = rate_hz * np.linspace(_RINGS_FROM, _RINGS_TO, 2001)
-        notes = []
-        for effect in self.effects:
-            gain = effect.response(frequency_hz)
-            if gain is None or np.max(np.abs(gain)) < _RINGS_ABOVE:
-                continue
-            at_hz = float(frequency_hz[int(np.argmax(np.abs(gain)))])
-            notes.append(
-                f"{effect.name} rings at {at_hz:.4g} Hz, near the sample rate of {rate_hz:.4g} Hz: between samples "
-                f"it is not held; --rate {at_hz / _RINGS_FROM:.3g} or more holds it"
-            )
-        return notes
+        return ringing_notes(self.effects, self.course.step_s, "--rate")
 
     def start_notes(self, desired_um: Array) -> list[str]:
         """Return a line where a target asks for something before the stage can answer."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.plants.electromechanical import ElectromechanicalPlant, table1_plant
+from fomrc_core.plants.electromechanical import ElectromechanicalPlant, ElectromechanicalState, table1_plant
 from fomrc_core.records.excitation import Excitation
 from fomrc_core.records.recording import Recording
 
@@ -27,6 +27,21 @@ _FAST_V = 0.004  # change of the drive in one sample from which it counts as fas
 def _stage() -> ElectromechanicalPlant:
     # Resonance of the loaded stage, well damped; the plant's own substep is as long as the rig lets it be.
     return table1_plant(40, order_spread=0.05, resonance_hz=2000.0, damping_ratio=0.3, substep_s=1.0)
+
+
+@dataclass
+class RigState:
+    """What the rig remembers between samples; changed by whoever steps it.
+
+    Attributes:
+        plant: of the stage.
+        commanded_v: voltage behind the converter [V].
+        amplified_v: voltage behind the amplifier [V].
+    """
+
+    plant: ElectromechanicalState
+    commanded_v: float = 0.0
+    amplified_v: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -63,6 +78,26 @@ class SimulatedRig:
         measured = self.adc_step_um * np.round((displacement + noise) / self.adc_step_um)
         return Recording(drive.time_s, drive.voltage_v, measured, desired_um, name=drive.name)
 
+    def initial_state(self) -> RigState:
+        """Return the relaxed state."""
+        return RigState(self.plant.initial_state())
+
+    def advance(self, state: RigState, voltage_v: float, step_s: float) -> float:
+        """Return the true displacement [um] after one step of ``step_s`` [s] that ends at ``voltage_v`` [V].
+
+        Args:
+            state: changed in place.
+            voltage_v: voltage commanded [V]; linear on the way there, behind the converter.
+            step_s: length of the step [s].
+        """
+        commanded_v = self.dac_step_v * round(voltage_v / self.dac_step_v)
+        steps_s = np.full(_N_FINE, step_s / _N_FINE)
+        drive = state.commanded_v + (commanded_v - state.commanded_v) * np.arange(1.0, _N_FINE + 1.0) / _N_FINE
+        lag_s = 1.0 / (2.0 * math.pi * self.amplifier_cutoff_hz)
+        amplified = first_order(steps_s, drive, lag_s, (state.amplified_v, state.commanded_v))
+        state.commanded_v, state.amplified_v = commanded_v, float(amplified[-1])
+        return float(self.plant.simulate(steps_s, amplified, state.plant)[-1])
+
     def displacement_um(self, steps_s: Array, voltage_v: Array) -> Array:
         """Return the true displacement [um] from the relaxed state, shape (n_samples,)."""
         commanded = self.dac_step_v * np.round(voltage_v / self.dac_step_v)
@@ -88,10 +123,19 @@ def _parts(steps_s: Array, voltage_v: Array) -> NDArray[np.int64]:
     return np.where(since_s <= _SETTLING_S, fine, 1.0).astype(np.int64)
 
 
-def first_order(steps_s: Array, values: Array, time_constant_s: float) -> Array:
-    """Return the first-order lag of values linear between samples, at rest at first, shape (n_samples,)."""
+def first_order(
+    steps_s: Array, values: Array, time_constant_s: float, start: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Return the first-order lag of values linear between samples, shape (n_samples,).
+
+    Args:
+        steps_s: steps [s], shape (n_samples,).
+        values: what is lagged, shape (n_samples,).
+        time_constant_s: of the lag [s].
+        start: output and input at first.
+    """
     out = np.empty(values.size)
-    state = before = 0.0
+    state, before = start
     for k in range(values.size):
         a = steps_s[k] / time_constant_s
         keep = math.exp(-a)

@@ -19,8 +19,10 @@ from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_ros.compensator.lending import LendingServices
+from fomrc_ros.compensator.motion_topics import MotionTopics
 from fomrc_ros.compensator.report import Condition, Refusals, describe
 from fomrc_ros.compensator.services import RelaxServices, ReloadService
+from fomrc_ros.compensator.trajectory_topic import TrajectoryTopic
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.node.diagnostics import DiagnosticsPublisher, Report
 from fomrc_ros.node.lifecycle_log import logged
@@ -88,6 +90,8 @@ class CompensatorNode(LifecycleNode):
         self._work = WorkerRunner(self)
         ReloadService(self, self.parameters, self._work)
         LendingServices(self, self._drive, self._publisher.topic_name)
+        TrajectoryTopic(self, self._drive, values["joint_name"], self._refuse)
+        self._motion = MotionTopics(self, self._interface, self.settings, self._period_s)
         # The change of state waits for the ramp that comes before it, and holds nothing else up meanwhile.
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -136,7 +140,10 @@ class CompensatorNode(LifecycleNode):
             loop = self._resumed(path)
             self._checkpoint = CheckpointWriter(path, self.parameters.values["checkpoint_period_s"])
         refusal = self.problem
-        self._drive.take_loop(loop or CompensationLoop(settings.compensator, settings.loop))
+        loop = loop or CompensationLoop(settings.compensator, settings.loop, preview=settings.preview)
+        self._drive.take_loop(loop)
+        self._motion.apply(settings)
+        self._motion.begin(loop)
         self.problem = refusal or self.problem
         return super().on_configure(state)
 
@@ -209,7 +216,17 @@ class CompensatorNode(LifecycleNode):
             return None
         exactness = "" if resumed.is_exact else "; another model was in force then, its memory was taken over"
         self.get_logger().info(f"memory resumed after {resumed.down_time_s:.3f} s{exactness}")
-        return CompensationLoop(compensator, self.settings.loop, resumed.memory, resumed.voltage_v, resumed.target_um)
+        added_um = resumed.correction_um if self._motion.uses_sensor else 0.0
+        loop = CompensationLoop(
+            compensator,
+            self.settings.loop,
+            resumed.memory,
+            resumed.voltage_v,
+            resumed.target_um - added_um,
+            preview=self.settings.preview,
+        )
+        loop.correction_um = added_um
+        return loop
 
     async def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
@@ -297,9 +314,11 @@ class CompensatorNode(LifecycleNode):
     def _drive_one(self, step_s: float) -> None:
         self._ticked_at_s = time.monotonic()
         try:
-            voltage_v = self._drive.tick(step_s, self._ticked_at_s)
+            self._motion.before_tick(self._drive.loop)
+            voltage_v = self._drive.tick(step_s, self._ticked_at_s, self._grid.clock_s)
             if voltage_v is not None:
                 self._publish(voltage_v)
+            self._motion.after_tick(self._drive.loop)
         except Exception as error:
             # Raised into the executor it would take the node down, and leave the voltage where it is.
             self.get_logger().error(f"the loop failed: {type(error).__name__}: {error}")
@@ -319,6 +338,7 @@ class CompensatorNode(LifecycleNode):
                 loop.moves,
                 loop.followed_um,
                 voltage_v,
+                correction_um=loop.correction_um,
                 is_discontinuous=is_new,
             )
 
@@ -328,11 +348,12 @@ class CompensatorNode(LifecycleNode):
         if loop is None:
             return
         loop.settings = settings.loop
+        self._motion.apply(settings)
         if settings.compensator is not None and settings.compensator is not loop.newest_compensator:
-            loop.swap(settings.compensator)
+            loop.swap(settings.compensator, settings.preview)
 
     def _describe(self) -> Report:
-        return describe(
+        report = describe(
             Condition(
                 self._drive,
                 self._timing.report(),
@@ -345,6 +366,8 @@ class CompensatorNode(LifecycleNode):
                 not self.get_parameter("use_sim_time").value,
             )
         )
+        self._motion.describe(report)
+        return report
 
 
 def make_node() -> CompensatorNode:

@@ -8,7 +8,8 @@ from typing import Any
 
 from fomrc_core.control.actuator_drive import ActuatorDrive
 from fomrc_core.control.checkpoint import CheckpointWriter
-from fomrc_core.control.compensation_loop import Activity, CompensationLoop
+from fomrc_core.control.compensation_loop import CompensationLoop
+from fomrc_core.control.loop_account import Activity
 from fomrc_core.control.loop_timing import TimingReport
 from fomrc_ros.node.diagnostics import ERROR, OK, WARN, Report
 
@@ -72,6 +73,8 @@ def describe(now: Condition) -> Report:
         if now.checkpoint.failure:
             report.worsen(WARN, now.checkpoint.failure)
     _look_at_motion(report, drive, loop)
+    if loop.preview is not None and loop.preview.note:
+        report.worsen(WARN, loop.preview.note)
     if drive.is_active and now.timing.rate_hz * now.period_s < 0.9 and now.has_own_time:
         report.worsen(WARN, f"runs at {now.timing.rate_hz:.0f} Hz of {1.0 / now.period_s:.0f}")
     return report
@@ -103,6 +106,16 @@ def _timing_values(now: Condition) -> dict[str, object]:
     }
 
 
+def _preview_values(loop: CompensationLoop) -> dict[str, object]:
+    preview = loop.preview
+    values: dict[str, object] = {"trajectory": "none" if loop.trajectory is None else "followed"}
+    if preview is not None:
+        values["preview_s"] = preview.n_preview * preview.step_s
+        values["dynamics_undone"] = ", ".join(e.name for e in (*preview.amplifier, *preview.mechanics)) or "none"
+        values["dynamics_undone_to_hz"] = preview.holds_to_hz
+    return values
+
+
 def _loop_values(drive: ActuatorDrive, loop: CompensationLoop) -> dict[str, object]:
     model, counts = loop.compensator.model, loop.counts
     return {
@@ -118,6 +131,7 @@ def _loop_values(drive: ActuatorDrive, loop: CompensationLoop) -> dict[str, obje
         "memory_age_s": loop.age_s,
         "turning_points": len(loop.memory.turning_points),
         "not_inverted": ", ".join(name for name, _ in loop.compensator.not_inverted) or "none",
+        **_preview_values(loop),
         "creep_order": model.creep_order,
         "elements": model.n_elements,
     }

@@ -28,8 +28,10 @@ from fomrc_core.records import excitation
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import nrmse_percent
 from fomrc_core.storage import make_directory, write_model
+from fomrc_ros.demo import fast_scans
 from fomrc_ros.demo.driver import COMPENSATED, UNCOMPENSATED, Driver
 from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experiment
+from fomrc_ros.demo.fast_figure import save_figure
 from fomrc_ros.demo.figures import save_figures
 from fomrc_ros.demo.node_processes import NodeProcess, private_environment
 from fomrc_ros.demo.response import Response, Verdict
@@ -47,8 +49,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the demo; return 0 unless it missed one of the paper's figures, or could not be run."""
     parser = argparse.ArgumentParser(prog="fomrc demo", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder for model and figures")
+    parser.add_argument("--fast", action="store_true", help="fast rasters on a stage that rings instead")
     options = parser.parse_args(arguments)
-    return run(options.output)
+    return run_fast(options.output) if options.fast else run(options.output)
 
 
 def run(folder: Path) -> int:
@@ -81,6 +84,39 @@ def run(folder: Path) -> int:
     console.print(f"model {model_path}, figures {', '.join(str(path) for path in paths)}")
     console.print(f"took {time.monotonic() - began:.0f} s")
     return _exit_status((tracking, triangle), console)
+
+
+def run_fast(folder: Path) -> int:
+    """Scan a stage that rings, and leave its model and a picture in ``folder``; return the exit status."""
+    console, began = Console(), time.monotonic()
+    try:
+        make_directory(folder)
+    except FomrcError as error:
+        print(f"fomrc demo: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    stage = fast_scans.fast_stage()
+    try:
+        with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as progress:
+            learning = progress.add_task("diagnosing recordings of the stage", total=1.0)
+            known = fast_scans.diagnosed(stage, lambda share, text: progress.update(learning, completed=share))
+            progress.update(learning, completed=1.0)
+            scanning = progress.add_task("scanning", total=1.0)
+            found = fast_scans.scans(stage, known, lambda share, text: progress.update(scanning, completed=share))
+    except KeyboardInterrupt:
+        console.print("stopped")
+        return 130
+    write_model(known.model, folder / "diagnosed_model.yaml")
+    save_figure(found, folder / "fast.png")
+    console.print(f"model: {known.words}")
+    table = Table(title="rasters of 4 um, turns rounded to 150 Hz: NRMSE", title_justify="left")
+    table.add_column("")
+    for frequency_hz in fast_scans.FREQUENCIES_HZ:
+        table.add_column(f"{frequency_hz:g} Hz", justify="right")
+    for name, scans in found.items():
+        table.add_row(name, *(f"{scan.percent:.3g} %" for scan in scans.values()))
+    console.print(table)
+    console.print(f"model and picture fast.png in {folder}; took {time.monotonic() - began:.0f} s")
+    return 0
 
 
 def _exit_status(experiments: Sequence[Experiment], console: Console) -> int:

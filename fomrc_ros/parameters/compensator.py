@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from fomrc_core.control.actuator_drive import DriveSettings
 from fomrc_core.control.compensation_loop import LoopSettings
+from fomrc_core.control.gain_margin import largest_bandwidth_hz
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
-from fomrc_ros.conversions import INTERFACES
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.preview_inverse import LONGEST_PREVIEW_S, PreviewInverse
+from fomrc_ros.conversions import INTERFACES, m_to_um
 from fomrc_ros.node.model_parameters import MODEL_SPECS, model_from_values
 from fomrc_ros.node.parameter_files import default_folders, started_with
 from fomrc_ros.node.parameters import ParameterSpec
@@ -112,6 +116,37 @@ def compensator_specs() -> tuple[ParameterSpec, ...]:
             is_read_only=True,
         ),
         ParameterSpec(
+            "preview_s",
+            0.0,
+            "how late targets are followed, so that resonances, delays and the amplifier are undone; 0: at once",
+            unit="s",
+            minimum=0.0,
+            maximum=LONGEST_PREVIEW_S,
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "arrival_tolerance_m",
+            0.0,
+            "how near the target counts as arrived, on ~/arrived; 0 for never",
+            unit="m",
+            minimum=0.0,
+            maximum=1e-2,
+        ),
+        ParameterSpec(
+            "feedback",
+            False,
+            "add an integral correction by displacement, where there is a sensor",
+            is_read_only=True,
+        ),
+        ParameterSpec(
+            "feedback_bandwidth_hz",
+            1.0,
+            "bandwidth of the correction; refused where the model leaves a gain margin below 6 dB",
+            unit="Hz",
+            minimum=1e-3,
+            maximum=2500.0,
+        ),
+        ParameterSpec(
             "checkpoint_file",
             "",
             "file that keeps the memory over a restart, none if empty",
@@ -148,6 +183,9 @@ class CompensatorSettings:
         relax_amplitude_v: first amplitude of the relaxation routine [V].
         relax_duration_s: its duration [s].
         relax_frequency_hz: its frequency [Hz].
+        preview: undoes dynamics with the target's future; None where targets are followed at once.
+        arrival_tolerance_um: how near the target counts as arrived [um]; 0 where nobody asks.
+        feedback_bandwidth_hz: of the correction by a sensor [Hz]; 0 without one.
     """
 
     compensator: Compensator | None
@@ -156,6 +194,9 @@ class CompensatorSettings:
     relax_amplitude_v: float
     relax_duration_s: float
     relax_frequency_hz: float
+    preview: PreviewInverse | None = None
+    arrival_tolerance_um: float = 0.0
+    feedback_bandwidth_hz: float = 0.0
 
 
 class SettingsBuilder:
@@ -164,6 +205,8 @@ class SettingsBuilder:
     def __init__(self) -> None:
         self._model_values: dict[str, Any] = {}
         self._compensator: Compensator | None = None
+        self._preview: PreviewInverse | None = None
+        self._model: PiezoModel | None = None
 
     def __call__(self, values: Mapping[str, Any]) -> CompensatorSettings:
         """Return the settings.
@@ -175,6 +218,10 @@ class SettingsBuilder:
         amplitude = values["relax_amplitude_v"]
         if not limits.minimum_v <= 0.0 <= limits.maximum_v and not amplitude < limits.maximum_v - limits.minimum_v:
             raise ParameterError("wider than the voltage limits", where="relax_amplitude_v", value=amplitude)
+        if values["preview_s"] > values["history_s"]:
+            raise ParameterError(
+                "longer than the history", where="preview_s", value=values["preview_s"], allowed="up to history_s"
+            )
         return CompensatorSettings(
             self._made(values),
             LoopSettings(
@@ -188,13 +235,38 @@ class SettingsBuilder:
             amplitude,
             values["relax_duration_s"],
             values["relax_frequency_hz"],
+            self._preview,
+            m_to_um(values["arrival_tolerance_m"]),
+            self._feedback_bandwidth_hz(values) if values["feedback"] else 0.0,
         )
+
+    def _feedback_bandwidth_hz(self, values: Mapping[str, Any]) -> float:
+        """Return the bandwidth [Hz]; raises ParameterError where the model does not bear it."""
+        bandwidth_hz: float = values["feedback_bandwidth_hz"]
+        if self._model is None:
+            return bandwidth_hz
+        largest_hz = largest_bandwidth_hz(self._model.effects, 1.0 / values["rate_hz"])
+        if bandwidth_hz > largest_hz:
+            raise ParameterError(
+                "gain margin below 6 dB by the model",
+                where="feedback_bandwidth_hz",
+                value=bandwidth_hz,
+                allowed=f"up to {math.floor(1e3 * largest_hz) / 1e3:.4g} Hz",
+            )
+        return bandwidth_hz
 
     def _made(self, values: Mapping[str, Any]) -> Compensator | None:
         model_values = {name: value for name, value in values.items() if name.startswith("model.")}
         if model_values != self._model_values or self._compensator is None:
             model = model_from_values(values)
-            self._compensator = None if model is None else warmed_up(Compensator(model))
+            preview = compensator = None
+            if model is not None and values["preview_s"] > 0.0:
+                preview = PreviewInverse.of(model, 1.0 / values["rate_hz"], values["preview_s"])
+                compensator = warmed_up(preview.core)
+                preview.warm_up()
+            elif model is not None:
+                compensator = warmed_up(Compensator(model))
+            self._model, self._compensator, self._preview = model, compensator, preview
             self._model_values = model_values
         return self._compensator
 

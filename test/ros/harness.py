@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import rclpy
 import yaml
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
@@ -162,6 +163,20 @@ class Probe:
             self.diagnostics["/" + status.name] = {pair.key: pair.value for pair in status.values}
             self.levels["/" + status.name] = status.level
             self.messages["/" + status.name] = status.message
+
+    def epoch_offset_s(self) -> float:
+        """Return what to add to a time of the tests for the time of day."""
+        return self._epoch_s
+
+    def epoch_s(self) -> float:
+        """Return the time of day, as nodes know it."""
+        return time.perf_counter() + self._epoch_s
+
+    @staticmethod
+    def stamp(time_s: float) -> Time:
+        """Return a time of day as a stamp."""
+        nanoseconds = round(time_s * 1e9)
+        return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
     def subscribe(self, kind: type, topic: str, callback: Callable[[float, Any], None], qos: QoSProfile | int) -> None:
         """Have a function called with every message and the time it was sent."""

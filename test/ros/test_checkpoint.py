@@ -9,16 +9,25 @@ from itertools import pairwise
 
 import pytest
 from harness import model_file
+from small_model import MODEL
 
 PERIOD_S = 2e-3
+DYNAMICS = {
+    "amplifier_bandwidth": {"cutoff_hz": 200.0},
+    "mechanical_resonance": {"frequency_hz": 120.0, "damping_ratio": 0.1},
+    "transport_delay": {"delay_s": 1e-3},
+}
 
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FOMRC_KILLS", "2"))))
 def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, probe, start, seed):
     """Two compensators follow the same target; one of them is killed and comes back."""
     generator = random.Random(seed)
-    file = model_file(tmp_path / "model.yaml", stop_policy="hold")
-    options = {"rate_hz": 1.0 / PERIOD_S, "checkpoint_period_s": 0.2}
+    # Every second one with a preview, behind which the target is ahead of the memory.
+    has_preview = seed % 2 == 1
+    model = MODEL | {"effects": list(DYNAMICS)} | DYNAMICS if has_preview else MODEL
+    file = model_file(tmp_path / "model.yaml", model, stop_policy="hold")
+    options = {"rate_hz": 1.0 / PERIOD_S, "checkpoint_period_s": 0.2, "preview_s": 0.03 if has_preview else 0.0}
     start("compensator", file, namespace="/steady", **options)
     killed = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
     heard = {axis: probe.record(f"{axis}/voltage") for axis in ("/steady", "/killed")}

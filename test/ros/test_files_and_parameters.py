@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from fomrc_core.control.actuator_memory import ActuatorMemory
 from fomrc_core.control.checkpoint import CheckpointWriter, read_checkpoint
-from fomrc_core.control.compensation_loop import Move
+from fomrc_core.control.loop_account import Move
 
 EFFECTS = MODEL | {"effects": ["amplifier_bandwidth"], "amplifier_bandwidth": {"cutoff_hz": 100.0}}
 RECORD = "time_s,voltage_v,displacement_um\n" + "".join(f"{0.01 * k},{0.01 * k},{0.02 * k}\n" for k in range(200))

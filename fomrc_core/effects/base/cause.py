@@ -46,6 +46,7 @@ class Cause(ABC):
     # what a diagnosis must know
     is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
+    is_of_sensor: ClassVar[bool] = False  # the reading errs by it, not the position
     is_exchangeable: ClassVar[bool] = True  # may take the place of another cause that was found, or give way to one
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
     adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search

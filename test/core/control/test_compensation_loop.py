@@ -9,7 +9,8 @@ import pytest
 from small_model import MODEL, compensator_of
 
 from fomrc_core.control.actuator_memory import aging_steps, pause_steps
-from fomrc_core.control.compensation_loop import Activity, CompensationLoop, LoopSettings
+from fomrc_core.control.compensation_loop import CompensationLoop, LoopSettings
+from fomrc_core.control.loop_account import Activity
 from fomrc_core.control.turning_points import TurningPoints
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.model.compensator import Compensator

@@ -1,0 +1,65 @@
+"""A sensor beside the feedforward, over topics: it takes the model's error, and its failure makes no jump."""
+
+from __future__ import annotations
+
+import signal
+from itertools import pairwise
+
+from harness import model_file
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from small_model import MODEL
+from std_msgs.msg import Bool
+
+OFF = MODEL | {"kappa_um_per_v": [1.05 * value for value in MODEL["kappa_um_per_v"]]}
+SLOW = MODEL | {
+    "effects": ["mechanical_resonance"],
+    "mechanical_resonance": {"frequency_hz": 100.0, "damping_ratio": 0.01},
+}
+SLEW_V_PER_S = 100.0
+
+
+def test_the_sensor_takes_what_the_model_lacks_and_may_fail(tmp_path, probe, start):
+    options = {"feedback": True, "feedback_bandwidth_hz": 5.0, "arrival_tolerance_m": 2e-8, "preview_s": 0.005}
+    file = model_file(tmp_path / "model.yaml", slew_limit_v_per_s=SLEW_V_PER_S, stale_after_s=0.0)
+    node = start("compensator", file, rate_hz=500.0, **options)
+    plant = model_file(tmp_path / "plant.yaml", OFF)
+    stage = start("simulated_pea", plant, plant="fomrc", rate_hz=500.0, noise_rms_m=1e-9)
+    arrived = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.subscribe(Bool, "/compensator/arrived", lambda _, message: arrived.append(message.data), latched)
+    heard, seen = probe.record("voltage"), probe.record("displacement")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 2e-6, 0.5)
+    probe.until(lambda: arrived and arrived[-1], "arrival, measured")
+    probe.until(lambda: abs(added(probe, node) + 2.0 * 0.05 / 1.05) < 0.005, "the correction for a gain 5 % off")
+    assert abs(sum(entry[1].data for entry in seen[-50:]) / 50 - 2e-6) < 3e-9
+    assert probe.diagnostics[node.name]["feedback"] == "closed"
+
+    stage.process.send_signal(signal.SIGSTOP)
+    probe.until(lambda: "no measurement" in probe.diagnostics[node.name]["feedback"], "the sensor missed")
+    assert "feedback open" in probe.messages[node.name]
+    stage.process.send_signal(signal.SIGCONT)
+    probe.until(lambda: probe.diagnostics[node.name]["feedback"] == "closed", "the sensor back")
+    # A jump beyond the slew limit would be one between two voltages that follow each other.
+    volts = [entry[1].data for entry in heard]
+    steps_v = [abs(after - before) for before, after in pairwise(volts)]
+    assert max(steps_v) <= 2.0 * SLEW_V_PER_S / 500.0 + 1e-12
+    assert abs(added(probe, node) + 2.0 * 0.05 / 1.05) < 0.01
+
+    answer = probe.set_one(node.name, "feedback_bandwidth_hz", 400.0)
+    assert not answer.successful
+    assert "gain margin below 6 dB by the model, got 400.0 (allowed: up to 31.25 Hz)" in answer.reason
+
+
+def added(probe, node) -> float:
+    return float(probe.diagnostics.get(node.name, {}).get("feedback_added_um", "nan"))
+
+
+def test_a_bandwidth_the_resonance_does_not_bear_is_refused_at_start(tmp_path, start):
+    file = model_file(tmp_path / "model.yaml", SLOW)
+    node = start("compensator", file, feedback=True, feedback_bandwidth_hz=2.0)
+    assert node.wait_for_exit() == 2
+    assert "feedback_bandwidth_hz: gain margin below 6 dB by the model, got 2.0 (allowed: up to 0.99" in node.output()
+    node = start("compensator", file, preview_s=1.5)
+    assert node.wait_for_exit() == 2
+    assert "preview_s" in node.output()

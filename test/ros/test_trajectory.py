@@ -1,0 +1,113 @@
+"""A motion told beforehand is followed on its stamps, its dynamics undone; what cannot be used is refused whole."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from harness import model_file
+from small_model import MODEL
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+FAST = MODEL | {
+    "effects": ["amplifier_bandwidth", "mechanical_resonance", "transport_delay"],
+    "amplifier_bandwidth": {"cutoff_hz": 500.0},
+    "mechanical_resonance": {"frequency_hz": 300.0, "damping_ratio": 0.5},
+    "transport_delay": {"delay_s": 5e-4},
+}
+AHEAD_S = 0.5
+
+
+def trajectory(times_s, positions_m, velocities=None, accelerations=None, name="piezo") -> JointTrajectory:
+    points = []
+    for k, (time_s, position_m) in enumerate(zip(times_s, positions_m, strict=True)):
+        nanoseconds = round(time_s * 1e9)
+        point = JointTrajectoryPoint(positions=[float(position_m)])
+        point.time_from_start = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+        point.velocities = [] if velocities is None else [float(velocities[k])]
+        point.accelerations = [] if accelerations is None else [float(accelerations[k])]
+        points.append(point)
+    return JointTrajectory(joint_names=[name], points=points)
+
+
+def test_a_trajectory_is_followed_replaced_and_cancelled(tmp_path, probe, start):
+    file = model_file(tmp_path / "model.yaml", FAST)
+    options = {"rate_hz": 1000.0, "preview_s": 0.01}
+    node = start("compensator", file, **options)
+    start("simulated_pea", file, plant="fomrc", rate_hz=1000.0, interface="float64", noise_rms_m=0.0)
+    seen = probe.record("displacement")
+    publisher = probe.publisher("/compensator/trajectory", JointTrajectory)
+
+    # A sine of 5 Hz in cubic pieces of 10 ms: where a point lies is where the stage is at that time.
+    since_s = 0.01 * np.arange(1, 101)
+    sine_m, rate = 1e-6 * np.sin(10.0 * math.pi * since_s), 1e-5 * math.pi * np.cos(10.0 * math.pi * since_s)
+    message = trajectory(since_s, sine_m, rate)
+    probe.until(lambda: len(seen) > 100, "displacement")
+    began_s = probe.epoch_s() + AHEAD_S
+    message.header.stamp = probe.stamp(began_s)
+    publisher.publish(message)
+    probe.until(lambda: seen[-1][0] > began_s + 1.1 - probe.epoch_offset_s(), "the end of the trajectory")
+    times_s = np.array([entry[0] for entry in seen]) + probe.epoch_offset_s() - began_s
+    moved_m = np.array([entry[1].data for entry in seen])
+    inside = (times_s > 0.05) & (times_s < 0.95)
+    lags_s = np.arange(0.0, 4e-3, 1e-4)
+    off_m = [moved_m[inside] - 1e-6 * np.sin(10.0 * math.pi * (times_s[inside] - lag)) for lag in lags_s]
+    # The median, for a process may be held up; late by what two of them take to hand a voltage on, not by the preview.
+    errors = [float(np.median(np.abs(off))) for off in off_m]
+    print(f"late by {1e3 * lags_s[int(np.argmin(errors))]:.1f} ms, error {min(errors) / 2e-6:.2%} of the range")
+    assert lags_s[int(np.argmin(errors))] < 3.5e-3
+    assert min(errors) < 0.03 * 2e-6
+    assert abs(moved_m[times_s > 1.05][-1] - sine_m[-1]) < 5e-9, "it stays at the last point"
+
+    # Replaced while it runs; then cancelled, and it stays where it is.
+    publisher.publish(trajectory([1.0, 5.0], [0.0, 2e-6]))
+    publisher.publish(trajectory([10.0], [-2e-6], [0.0]))
+    probe.until(lambda: node_values(probe, node)["trajectory"] == "followed", "the second one followed")
+    probe.until(lambda: seen[-1][1].data < -0.05e-6, "the way down")
+    publisher.publish(JointTrajectory(joint_names=["piezo"]))
+    probe.until(lambda: node_values(probe, node)["trajectory"] == "none", "none followed")
+    held_m = seen[-1][1].data
+    probe.spin_for(0.3)
+    assert abs(seen[-1][1].data - held_m) < 0.05e-6
+    assert "refused" not in node.output()
+
+
+def node_values(probe, node) -> dict[str, str]:
+    return probe.diagnostics.get(node.name, {"trajectory": "not heard"})
+
+
+def test_bad_trajectories_are_refused_whole(tmp_path, probe, start):
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0)
+    publisher = probe.publisher("/compensator/trajectory", JointTrajectory)
+    uneven = trajectory([0.1, 0.2], [0.0, 1e-6])
+    uneven.points[1].positions = []
+    late = trajectory([0.1], [1e-6])
+    late.header.stamp = probe.stamp(probe.epoch_s() - 60.0)
+    bad = {
+        "does not come after the one before": trajectory([0.1, 0.3, 0.2], [0.0, 1e-6, 0.0]),
+        "joint not in the message": trajectory([0.1], [1e-6], name="another"),
+        "positions: of point 1 not finite": trajectory([0.1, 0.2], [0.0, math.nan]),
+        "velocities: of point 0 not finite": trajectory([0.1], [0.0], [math.inf]),
+        "is it in metres": trajectory([0.1], [5.0]),
+        "one for each joint": uneven,
+        "accelerations without velocities": trajectory([0.1], [0.0], None, [1.0]),
+        "ends before now": late,
+        "0 s or later": negative(),
+    }
+    heard = probe.record("voltage")
+    for n_refused, (reason, message) in enumerate(bad.items(), start=1):
+        publisher.publish(message)
+        probe.until(
+            lambda n=n_refused: node_values(probe, node).get("refused_messages") == str(n), f"refusal: {reason}"
+        )
+        assert reason in probe.diagnostics[node.name]["last_refusal"]
+    assert not heard, "nothing of them was followed"
+    publisher.publish(trajectory([0.1], [1e-6]))
+    probe.until(lambda: heard and heard[-1][1].data > 0.1, "a good one is followed")
+
+
+def negative() -> JointTrajectory:
+    message = trajectory([0.1], [0.0])
+    message.points[0].time_from_start = Duration(sec=-1, nanosec=0)
+    return message
