@@ -42,17 +42,20 @@ def never_worse(found: SearchResult, base: TrialModel, split: DataSplit) -> tupl
     """Return the findings and the model of them that does no worse on held-out data than the base.
 
     What a search fits has weights of either sign; what is written must have those of Maxwell elements. A cause whose
-    gain was owed to weights no element can have is no finding: the last is given back until the model gains.
+    gain was owed to weights no element can have is no finding: the last is given back until the model gains. Where
+    nothing is found the base stands as it is.
     """
-    error_before = _held_error(_extend(base, split).trial, split)
-    while True:
+    before = _extend(base, split)
+    error_before = _held_error(before.trial, split)
+    while found.steps:
         extension = _fitted(found.model, split)
-        if not found.steps or _held_error(extension.trial, split) <= error_before:
+        if _held_error(extension.trial, split) <= error_before:
             return found, extension
         last = found.steps[-1]
         final = refit(last.before, split.train, n_iterations=2)
         model = follow_held(final.model, split)
         found = replace(found, model=model, final=final, steps=found.steps[:-1], runner_up=last.accepted)
+    return found, before
 
 
 def _held_error(model: TrialModel, split: DataSplit) -> float:

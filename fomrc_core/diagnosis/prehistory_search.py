@@ -56,8 +56,9 @@ def _searched(best: Prehistory, error_with: Callable[[Prehistory], float]) -> Pr
 
 
 def _excursions(past: Prehistory) -> list[Prehistory]:
-    way = past.extreme_v - past.resting_v
-    return [replace(past, extreme_v=past.resting_v + factor * way) for factor in _EXCURSION_FACTORS]
+    way, spec = past.extreme_v - past.resting_v, Prehistory.parameter("extreme_v")
+    ends_v = (past.resting_v + factor * way for factor in _EXCURSION_FACTORS)
+    return [replace(past, extreme_v=min(max(end_v, spec.lower), spec.upper)) for end_v in ends_v]
 
 
 def _rests(past: Prehistory) -> list[Prehistory]:
