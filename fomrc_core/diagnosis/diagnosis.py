@@ -24,7 +24,7 @@ from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabiliti
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
-from fomrc_core.diagnosis.judgement import Judgement, Status, judge
+from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.long_search import LongSearch
 from fomrc_core.diagnosis.looked_over import LookedOver
@@ -253,6 +253,7 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
         return lambda share, text: tell(begin + (end - begin) * share, f"{what}: {text}")
 
     long.records.check_usable()
+    asked = asked.without(long.told_as_tones)
     windows = long.windows()
     if windows is not None:
         looked = LookedOver.taken((windows.recording,))
@@ -270,9 +271,11 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
         long = sharper
         result = _searched(long.looked_over(), asked, part(0.7, 0.98, "thinned about what was found"), long)
     thinning = long.thinning(result.extended_model, [view.residual_after_um for view in result.records])
+    doubted = tuple(f.cause for f in result.findings if f.probability < LEAST_BELIEVED)
+    thinning = replace(thinning, doubted=doubted)
     judgement = result.judgement
-    if thinning.left_within:
-        judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.left_within))
+    if thinning.unnamed:
+        judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.unnamed))
     status = judgement.status([f.probability for f in result.findings], bool(result.ambiguous_with))
     return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
 

@@ -139,6 +139,11 @@ class LongSearch:
         """Causes that live in single samples, of which thinned ones say nothing."""
         return tuple(name for name in cause_classes() if _in_single_samples(name)) if self.is_thinned else ()
 
+    @property
+    def told_as_tones(self) -> tuple[str, ...]:
+        """Causes that are tones: these are taken out of records that are thinned, so that none is searched for."""
+        return tuple(name for name in cause_classes() if _is_steady_tone(name)) if self.is_thinned else ()
+
     def start(self, base: TrialModel, split: DataSplit, executor: Executor | None) -> TrialModel:
         """Return where a search begins: the base with what is known to act."""
         if not self.effects:
@@ -160,3 +165,8 @@ def _in_single_samples(name: str) -> bool:
     """Return whether a cause acts on the samples of a drive one by one, so that thinned ones say nothing of it."""
     kind = cause_classes()[name]
     return issubclass(kind, Effect) and kind.stage is Stage.SAMPLED_DRIVE
+
+
+def _is_steady_tone(name: str) -> bool:
+    kind = cause_classes()[name]
+    return issubclass(kind, Effect) and kind.is_steady_tone

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,7 +11,7 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.kernels import elapsed_times
-from fomrc_core.effects.base.spectra import Spectrum, drive_lines
+from fomrc_core.effects.base.spectra import Spectrum, belongs_to_drive, drive_lines
 from fomrc_core.effects.base.step_form import CLOCK_FIELDS, Fields, Number, StepForm, clock_after
 
 _AMPLITUDES = ("amplitude_um", "second_amplitude_um", "third_amplitude_um")
@@ -20,9 +19,6 @@ _PHASES = ("phase_rad", "second_phase_rad", "third_phase_rad")
 _LEAST_CYCLES = 10.0  # in a record: fewer are a drift that happens to turn
 _N_LINES = 6
 _N_TRIALS = 2
-# A play bends the response at corners, so that harmonics of the drive fall with their number squared; farther out
-# they are below a four-hundredth of the first, and no line.
-_N_DRIVE_HARMONICS = 20
 
 
 def _hum(s: Fields, c: Fields, value: float, step_s: float) -> Number:
@@ -58,6 +54,7 @@ class MainsHum(Effect):
     experiment: ClassVar[str] = "hold the drive at rest for seconds and look at the spectrum"
     inverse_note: ClassVar[str] = "not inverted: its phase is not known while running"
     is_record_bound: ClassVar[bool] = True
+    is_steady_tone: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = _AMPLITUDES
 
     frequency_hz: float
@@ -107,7 +104,7 @@ class MainsHum(Effect):
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether the tone is apart from every line of the record's drive and its harmonics."""
         step_s = float(np.median(np.diff(time_s)))
-        return not _belongs_to_drive(self.frequency_hz, [drive_lines(voltage_v, step_s)])
+        return not belongs_to_drive(self.frequency_hz, [drive_lines(voltage_v, step_s)])
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
@@ -136,7 +133,7 @@ class MainsHum(Effect):
         if not lines_hz:
             return []
         drives = [drive_lines(r.voltage_v, float(np.median(r.steps_s))) for r in (*evidence.records, *evidence.beside)]
-        lines_hz = [line for line in lines_hz if not _belongs_to_drive(line, drives)]
+        lines_hz = [line for line in lines_hz if not belongs_to_drive(line, drives)]
         trials: list[dict[str, float]] = []
         for line in lines_hz:
             harmonics = _harmonics_with(line, lines_hz, spectrum.resolution_hz)
@@ -148,15 +145,6 @@ class MainsHum(Effect):
             if harmonics and not is_taken:
                 trials.append(_tone(record, harmonics))
         return cls.proposed(trials[:_N_TRIALS])
-
-
-def _belongs_to_drive(frequency_hz: float, drives: Iterable[tuple[Array, float]]) -> bool:
-    """Return whether a frequency [Hz] is within the resolution of a line of one of the drives or its harmonics."""
-    number = np.arange(1, _N_DRIVE_HARMONICS + 1)
-    return any(
-        lines_hz.size > 0 and bool(np.any(np.abs(lines_hz[:, None] * number - frequency_hz) <= resolution_hz))
-        for lines_hz, resolution_hz in drives
-    )
 
 
 def _harmonics_with(line_hz: float, lines_hz: list[float], resolution_hz: float) -> dict[int, float]:

@@ -15,6 +15,7 @@ __all__ = [
     "long_records",
     "memory_plan",
     "play_columns",
+    "steady_tones",
     "structure_within",
     "thinned_record",
     "trial_model",

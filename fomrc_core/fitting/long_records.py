@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.effects import Effect
 from fomrc_core.fitting.memory_plan import Work, kept_samples
+from fomrc_core.fitting.steady_tones import SteadyTone
 from fomrc_core.fitting.structure_within import structure_within
 from fomrc_core.fitting.thinned_record import ThinnedRecord, thinned_records
 from fomrc_core.records.drive_outline import drive_outline
@@ -40,6 +41,8 @@ class Thinning:
         found_at_whole_rate: causes named there, and confirmed on all records at their own rate.
         not_looked_for: causes that live in single samples and could not be looked for in all of the records.
         left_within: what is left within the bins that is not noise, in sentences; empty where it is noise.
+        tones: steady tones that were taken out of the readings; no cause is named for them.
+        doubted: causes that were named, and are likelier wrong than right.
     """
 
     n_samples: int
@@ -57,6 +60,8 @@ class Thinning:
     found_at_whole_rate: tuple[str, ...] = ()
     not_looked_for: tuple[str, ...] = ()
     left_within: tuple[str, ...] = ()
+    tones: tuple[SteadyTone, ...] = ()
+    doubted: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return "; ".join(self.sentences())
@@ -83,7 +88,20 @@ class Thinning:
             found.append(f"what lives {fast} was not looked for")
         if self.not_looked_for:
             found.append(f"not looked for, for it lives in single samples: {', '.join(self.not_looked_for)}")
-        return (*found, *self.left_within)
+        if self.n_in_bin > 1 and not self.tones:
+            found.append("steady tones were looked for at the full rate: none found")
+        return (*found, *self.unnamed)
+
+    @property
+    def unnamed(self) -> tuple[str, ...]:
+        """What has no name, or one that is not to be believed, in sentences: nothing is explained beside it."""
+        doubts = []
+        if self.doubted:
+            doubts.append(
+                f"likelier wrong than right, and not to be believed of thinned records: {', '.join(self.doubted)}; "
+                "diagnose a part that need not be thinned"
+            )
+        return (*(tone.sentence() for tone in self.tones), *self.left_within, *doubts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +207,7 @@ class LongRecords:
             within_um=float(np.sqrt(np.mean(np.square(within_um)))),
             rms_um=float(np.sqrt(power / n_readings)),
             left_within=tuple(s for t in self.thinned for s in structure_within(t)),
+            tones=tuple(tone for t in self.thinned for tone in t.tones),
         )
 
 

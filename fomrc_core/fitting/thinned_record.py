@@ -11,7 +11,7 @@ the samples of a bin (a control variate; Boyle, "Options: a Monte Carlo approach
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -23,6 +23,7 @@ from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.steady_tones import SteadyTone, steady_tones
 from fomrc_core.fitting.trial_model import TrialModel, predict, relaxed_trial
 from fomrc_core.model.simulation import run_chain, settle_chain
 from fomrc_core.model.substeps import Substeps
@@ -60,7 +61,7 @@ class ThinnedRecord:
 
     Attributes:
         recording: the kept samples; those that only follow the drive are not valid.
-        whole: the record itself.
+        whole: the record itself, without its steady tones.
         outline: which samples were kept, and which bin each stands for.
         n_averaged: readings in each bin that counted, shape (n_bins,).
         scatter_um: standard deviation of what the first fit leaves within each bin about a straight line [um], shape
@@ -70,6 +71,7 @@ class ThinnedRecord:
         spectrum: of what the first fit leaves at the record's own rate.
         first_fit: the model whose residual was averaged, relaxed or rested before the record.
         substeps: how the kept steps are divided by whoever simulates them.
+        tones: what was taken out of the readings.
     """
 
     recording: Recording
@@ -81,13 +83,14 @@ class ThinnedRecord:
     spectrum: LeftSpectrum
     first_fit: TrialModel
     substeps: Substeps
+    tones: tuple[SteadyTone, ...] = ()
 
     def about(self, effects: tuple[Effect, ...]) -> ThinnedRecord:
         """Return the same thinned about a first fit beside effects, such as act in it.
 
         What acts within a bin, a lag after a jump, bends what a model without it leaves; with it, nothing is bent.
         """
-        return _thinned(self.whole, self.outline, effects, self.substeps)
+        return replace(_thinned(self.whole, self.outline, effects, self.substeps), tones=self.tones)
 
     @property
     def is_mean(self) -> Mask:
@@ -147,7 +150,8 @@ def thinned_records(
     """Return the records thinned, all by the same number.
 
     Args:
-        recordings: with displacement; readings that are not valid are left out of the means.
+        recordings: with displacement; readings that are not valid are left out of the means, and steady tones.
+            Both are what a mean would be bent by.
         n_in_bin: samples of a bin, odd.
         substeps: how the kept steps are divided by whoever simulates them.
 
@@ -161,8 +165,28 @@ def thinned_records(
             raise RecordingError(
                 "drive is too fast to be thinned", where=recording.name, value=n_in_bin, allowed="fewer samples a bin"
             )
-        found.append(_thinned(recording, outline, (), substeps))
+        tones = _tones(recording, outline) if n_in_bin > 1 else ()
+        if tones:
+            since_s = recording.time_s - recording.time_s[0]
+            without_um = recording.measured_um - sum(tone.at(since_s) for tone in tones)
+            recording = replace(recording, displacement_um=without_um)
+        found.append(replace(_thinned(recording, outline, (), substeps), tones=tones))
     return tuple(found)
+
+
+def _tones(whole: Recording, outline: DriveOutline) -> tuple[SteadyTone, ...]:
+    """Return the steady tones in what a first fit leaves at the record's own rate."""
+    n = outline.n_in_bin
+    left_um = whole.measured_um.copy()
+    for begin, moved_um in _run_along(_first_fit(whole, outline, ()), whole, n):
+        left_um[begin : begin + moved_um.size] -= moved_um
+    if whole.is_valid is not None and np.any(whole.is_valid):
+        numbers = np.arange(left_um.size)
+        left_um = np.interp(numbers, numbers[whole.is_valid], left_um[whole.is_valid])
+    step_s = whole.sample_period_s
+    # turns of the drive are slower than bins
+    drive_v = whole.voltage_v[: outline.n_bins * n].reshape(outline.n_bins, n).mean(axis=1)
+    return tuple(steady_tones(whole.name, left_um, step_s, drive_v, n * step_s))
 
 
 def _thinned(whole: Recording, outline: DriveOutline, effects: tuple[Effect, ...], substeps: Substeps) -> ThinnedRecord:

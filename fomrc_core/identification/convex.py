@@ -145,8 +145,8 @@ def _at_own_rate(fit: Fit, long: LongRecords) -> Fit:
         within = normalised_percent(long.thinned[-1].within_um, whole_um[n_train:])
         test_percent = math.hypot(test_percent, within)
     outcome, reason = fit.outcome, fit.reason
-    if outcome is FitOutcome.GOOD and thinning.left_within:
-        outcome, reason = FitOutcome.COARSE, f"{reason} where it was averaged; {thinning.left_within[0]}"
+    if outcome is FitOutcome.GOOD and thinning.unnamed:
+        outcome, reason = FitOutcome.COARSE, f"{reason} where it was averaged; {thinning.unnamed[0]}"
     return replace(
         fit,
         outcome=outcome,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 
 _PREFIXES: dict[str, tuple[tuple[float, str], ...]] = {
     "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")),
@@ -15,6 +16,7 @@ _PREFIXES: dict[str, tuple[tuple[float, str], ...]] = {
 _LEAST = 0.5  # 0.5 µm reads better than 500 nm, 0.4 µm does not
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _N_DECIMALS_MAX = 5
+_N_WHOLE = 3  # digits before the point
 _UNDETERMINED = "undetermined"
 
 
@@ -77,12 +79,23 @@ def _readable(size: float, unit: str) -> tuple[float, str]:
 
 
 def _value_and_error(value: float, error: float) -> str:
-    n_decimals = max(0, 1 - math.floor(math.log10(error)))
-    if n_decimals <= _N_DECIMALS_MAX:
-        return f"{value:.{n_decimals}f} ± {error:.{n_decimals}f}".replace("-", "−")
+    if _n_decimals(error) <= _N_DECIMALS_MAX:
+        return _in_decimals(value, error)
     power = math.floor(math.log10(max(abs(value), error)))
-    scaled = _value_and_error(value / 10.0**power, max(error / 10.0**power, 10.0**-_N_DECIMALS_MAX))
-    return f"({scaled})·10{str(power).translate(_RAISED)}"
+    if 0 <= power < _N_WHOLE:  # a value of a few digits known very well reads better as it is
+        power = 0
+    # no float tells more digits than these
+    scaled = _in_decimals(value / 10.0**power, max(error / 10.0**power, sys.float_info.epsilon))
+    return scaled if power == 0 else f"({scaled})·10{str(power).translate(_RAISED)}"
+
+
+def _n_decimals(error: float) -> int:
+    return max(0, 1 - math.floor(math.log10(error)))
+
+
+def _in_decimals(value: float, error: float) -> str:
+    n_decimals = _n_decimals(error)
+    return f"{value:.{n_decimals}f} ± {error:.{n_decimals}f}".replace("-", "−")
 
 
 def _with_unit(text: str, name: str) -> str:

@@ -48,6 +48,7 @@ class Effect(Cause):
     covariate: ClassVar[Covariate | None] = None  # what it reads beside its input
     needs_substeps: ClassVar[bool] = False  # whether it matters to it how its input runs within a step
     rings: ClassVar[bool] = False  # whether its response to a jump swings within few samples
+    is_steady_tone: ClassVar[bool] = False  # a tone in time: it is told by a line of a spectrum, evenly sampled
     owns_columns: ClassVar[bool] = False  # its plays are columns of a fit's linear part, see ``plays``
     slope_depends_on_input: ClassVar[bool] = False  # whether ``linearized`` looks at its ``values``
     replaces_creep: ClassVar[bool] = False  # whether a model with it has no creep order of its own

@@ -7,6 +7,7 @@ beforehand, whatever the sampling.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,6 +102,9 @@ class Spectrum:
 
 # Beside standing out:
 _LEAST_SHARE = 0.01  # of the drive's power in one cell: a sine, a multisine of some lines; no sweep and no noise
+# A play bends the response at corners, so that harmonics of the drive fall with their number squared; farther out
+# they are below a four-hundredth of the first, and no line.
+_N_DRIVE_HARMONICS = 20
 
 
 def drive_lines(voltage_v: Array, step_s: float) -> tuple[Array, float]:
@@ -116,3 +120,12 @@ def drive_lines(voltage_v: Array, step_s: float) -> tuple[Array, float]:
     is_line = is_top & (0.5 * inner**2 >= _LEAST_SHARE * float(np.var(voltage_v)))
     is_line &= spectrum.standing()[1:-1] >= spectrum.least_standing
     return spectrum.frequency_hz[1:-1][is_line], spectrum.resolution_hz
+
+
+def belongs_to_drive(frequency_hz: float, drives: Iterable[tuple[Array, float]]) -> bool:
+    """Return whether a frequency [Hz] is within the resolution of a line of one of the drives or its harmonics."""
+    number = np.arange(1, _N_DRIVE_HARMONICS + 1)
+    return any(
+        lines_hz.size > 0 and bool(np.any(np.abs(lines_hz[:, None] * number - frequency_hz) <= resolution_hz))
+        for lines_hz, resolution_hz in drives
+    )

@@ -8,6 +8,7 @@ import pytest
 from fomrc_core.effects import effect_classes
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.memory_plan import DIAGNOSING, IDENTIFYING, kept_samples
+from fomrc_core.fitting.steady_tones import steady_tones
 from fomrc_core.fitting.structure_within import is_calmer, structure_within
 from fomrc_core.fitting.thinned_record import thinned_records
 from fomrc_core.model.piezo_model import PiezoModel
@@ -84,13 +85,46 @@ def test_means_are_as_noisy_as_they_should_be_and_bent_nowhere():
 
 def test_what_is_averaged_away_is_told():
     time_s, _ = jumps_and_loops()
-    hum, _ = record(extra_um=1e-3 * np.sin(2.0 * np.pi * 730.0 * time_s))
-    (line,) = structure_within(thinned_records((hum,), N_IN_BIN)[0])
+    is_on = time_s < 0.5 * time_s[-1]
+    tone, _ = record(extra_um=1e-3 * np.sin(2.0 * np.pi * 730.0 * time_s) * is_on)
+    (thinned,) = thinned_records((tone,), N_IN_BIN)
+    assert thinned.tones == ()
+    (line,) = structure_within(thinned)
     assert "a line at 729.98 Hz" in line
     lagging, _ = record(lag_s=5e-4)
     (thinned,) = thinned_records((lagging,), N_IN_BIN)
     (after_jumps,) = structure_within(thinned)
     assert "turns and jumps" in after_jumps
+
+
+@pytest.mark.parametrize("frequency_hz", [50.0, 730.0])
+def test_a_steady_tone_is_taken_out_before_readings_are_averaged(frequency_hz: float):
+    time_s, _ = jumps_and_loops()
+    size_um, phase_rad = 1.5e-3, 0.7
+    hum, _ = record(extra_um=size_um * np.sin(2.0 * np.pi * frequency_hz * time_s + phase_rad))
+    (thinned,) = thinned_records((hum,), N_IN_BIN)
+    (tone,) = thinned.tones
+    # a sine's amplitude is known to sqrt(2 / n) of the noise, through a Hann window to sqrt(3 / n)
+    error_um = NOISE_UM * np.sqrt(3.0 / time_s.size)
+    assert tone.amplitude_um == pytest.approx(size_um, abs=5.0 * error_um)
+    # of the frequency: sqrt(6) / (pi T) of that, of the amplitude
+    assert tone.frequency_hz == pytest.approx(frequency_hz, abs=5.0 * error_um / size_um / (1.2 * time_s[-1]))
+    plain, _ = record()
+    left_um = thinned.recording.measured_um - thinned_records((plain,), N_IN_BIN)[0].recording.measured_um
+    assert float(np.std(left_um)) < 0.1 * NOISE_UM
+    assert structure_within(thinned) == ()
+
+
+def test_harmonics_of_the_drive_and_noise_are_no_tones():
+    rng = np.random.default_rng(4)
+    time_s = np.arange(100_000) / RATE_HZ
+    drive_v = np.sin(2.0 * np.pi * 20.0 * time_s)
+    left_um = rng.normal(0.0, NOISE_UM, time_s.size)
+    assert steady_tones("stage", left_um, 1.0 / RATE_HZ, drive_v, 1.0 / RATE_HZ) == []
+    left_um += 1e-3 * np.sin(2.0 * np.pi * 60.0 * time_s)
+    assert steady_tones("stage", left_um, 1.0 / RATE_HZ, drive_v, 1.0 / RATE_HZ) == []
+    (tone,) = steady_tones("stage", left_um, 1.0 / RATE_HZ, rng.normal(0.0, 1.0, 4_000), 25.0 / RATE_HZ)
+    assert tone.frequency_hz == pytest.approx(60.0, abs=1e-2)
 
 
 def test_a_first_fit_with_the_effect_that_acts_leaves_less_within_the_bins():
