@@ -66,6 +66,7 @@ def mirror(axis: int, level_mv: int) -> Measured:
     response[:, :, axis] = 0.0
     others = np.fft.irfft(response @ inputs, u.shape[0], axis=0)[:, axis, :]
     own = y[:, axis] - others[:, :, None]
+    own *= np.sign(np.sum(u[:, axis] * own))  # counted the way its own voltage moves it
     records = []
     for realisation in range(4):
         drive = slow_band(u[:, axis, realisation, :])
