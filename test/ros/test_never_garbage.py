@@ -75,8 +75,11 @@ def test_row_01_a_sound_calibration_passes_the_gate(tmp_path, probe, start, spoi
     identification = start("identification", file, rate_hz=RATE_HZ)
     moved = probe.record("displacement")
     probe.until(lambda: moved, "the stage")
-    answer = probe.trigger(f"{identification.name}/calibrate")
-    print(answer.message)
+    for _ in range(3):
+        answer = probe.trigger(f"{identification.name}/calibrate")
+        print(answer.message)
+        if "undetermined" not in answer.message:
+            break  # else the machine held the drive up for so long that nothing could be learnt: as it says, once more
     assert answer.success, answer.message
     model = yaml.safe_load((tmp_path / "identified_model.yaml").read_text())["/**"]["ros__parameters"]["model"]
     assert in_force(probe, compensator) == model["kappa_um_per_v"] != wrong["kappa_um_per_v"]
