@@ -40,7 +40,7 @@ bench: $(DEV_STAMP)
 
 study: $(DEV_STAMP)
 	@$(BIN)/python -m pytest test/core -m hypothesis --hypothesis-profile new_examples -n $(JOBS)
-	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test/hidden test/ros test/core/reproduction test/core/effects -n $(JOBS)
+	@FOMRC_ALL_CASES=1 $(BIN)/python -m pytest test -n $(JOBS)
 	@$(BIN)/python test/hidden/study.py $(ARGS)
 
 docs: $(DOCS_STAMP)

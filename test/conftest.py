@@ -12,7 +12,16 @@ from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
-_LONGEST = "test/core/reproduction/test_reproduction.py"  # minutes: every experiment of the paper
+# Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed.
+_LONGEST = (
+    "test/core/reproduction/test_reproduction.py",
+    "test/core/comparison/test_comparison.py",
+    "test/core/comparison/test_baselines.py",
+    "test/core/identification/test_axes_identification.py::test_two_axes_of_another_form_are_found[1]",
+    "test/hidden/second/test_second_case.py::test_form_error_says",
+    "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
+    "test/hidden/test_one_sine.py",
+)
 _MEASURES = ("test/ros/test_watch_node.py", "test/ros/test_calibration.py")
 # Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
