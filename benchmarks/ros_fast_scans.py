@@ -11,7 +11,6 @@ on a machine that is not idle periods differ: the best period is told, their med
 from __future__ import annotations
 
 import os
-import random
 import sys
 import tempfile
 import time
@@ -22,17 +21,16 @@ import rclpy
 import yaml
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks.fast_loop import PERIOD_S, scan_um
 from benchmarks.fast_scans import model
+from benchmarks.ros_latency import watching
 from fomrc_ros.conversions import m_to_um, stamp_s, um_to_m
-from fomrc_ros.demo.node_processes import NodeProcess, private_environment
+from fomrc_ros.demo.node_processes import NodeProcess
 from fomrc_ros.node.quality_of_service import COMMAND, RECORDED_MEASUREMENT
-from fomrc_ros.node.runtime import make_executor
 
 PREVIEW_S = 0.01
 _AHEAD_S = 1.0
@@ -66,13 +64,7 @@ def main() -> int:
 
 
 def _measured(preview_s: float) -> dict[float, tuple[float, float, float, float]]:
-    domain_id = random.randint(1, 100)
-    environment = private_environment(domain_id)
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
-    watcher = rclpy.create_node("watcher", context=context)
-    executor = make_executor(context)
-    executor.add_node(watcher)
+    environment, context, watcher, executor = watching()
     seen: list[tuple[float, float]] = []
     told: set[str] = set()
     watcher.create_subscription(

@@ -19,6 +19,8 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import Executor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_msgs.msg import Float64
@@ -44,19 +46,24 @@ def resident_mb(pid: int) -> float:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+def watching() -> tuple[dict[str, str], rclpy.Context, Node, Executor]:
+    """Return the environment of nodes in a domain of their own, and a node there that watches them."""
+    domain_id = random.randint(1, 100)
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+    watcher = rclpy.create_node("watcher", context=context)
+    executor = make_executor(context)
+    executor.add_node(watcher)
+    return private_environment(domain_id), context, watcher, executor
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--duration", type=float, default=20.0, help="seconds measured")
     parser.add_argument("--rate", type=float, default=1000.0, help="Hz")
     parser.add_argument("--plant", default="fomrc", choices=("fomrc", "electromechanical"))
     options = parser.parse_args()
-    domain_id = random.randint(1, 100)
-    environment = private_environment(domain_id)
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
-    watcher = rclpy.create_node("watcher", context=context)
-    executor = make_executor(context)
-    executor.add_node(watcher)
+    environment, context, watcher, executor = watching()
     statuses: dict[str, list[dict[str, str]]] = {"compensator": [], "simulated_pea": []}
 
     def on_diagnostics(message: DiagnosticArray) -> None:

@@ -25,7 +25,8 @@ def diagnose_several_axes(
         ParameterError: no model to question.
     """
     from fomrc_core.diagnosis.axes import AxesRecord, diagnose_axes
-    from fomrc_core.report.axes_diagnosis_files import FILE_NAMES, write_axes_report
+    from fomrc_core.report.axes_diagnosis_files import write_axes_report
+    from fomrc_core.report.diagnosis_files import FILE_NAMES
     from fomrc_core.report.provenance import Provenance
     from fomrc_core.storage import check_outputs, files_in, make_directory
     from fomrc_core.storage.axes_files import read_axes_fit_error, read_axes_model, read_axes_recording

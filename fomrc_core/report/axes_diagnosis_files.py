@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -14,22 +13,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fomrc_core.report.diagnosis_figures import png
+from fomrc_core.report.diagnosis_files import FIGURE_NAME, MODEL_NAME, write_page_and_results
 from fomrc_core.report.page_parts import document, image, prose, provenance_section, table
 from fomrc_core.report.provenance import Provenance
-from fomrc_core.storage import write_text
 from fomrc_core.storage.atomic import write_bytes
 from fomrc_core.storage.axes_files import write_axes_model
 
 if TYPE_CHECKING:
     from fomrc_core.diagnosis.axes import AxesDiagnosis, AxesFinding
 
-JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
-    "diagnosis.json",
-    "extended_model.yaml",
-    "report.html",
-    "where_it_is_wrong.png",
-)
-FILE_NAMES = (JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME)
 _MEASURED, _BEFORE, _AFTER = "#9aa5b1", "#d1495b", "#1f6f8b"
 _N_SMOOTH = 9  # lines of which the root mean square is drawn
 _N_CHARACTERS = 90  # of a list in the table of a cause
@@ -53,11 +45,7 @@ def write_axes_report(
     write_axes_model(diagnosis.extended_model, folder / MODEL_NAME, 0.01 * diagnosis.percent_after)
     write_bytes(figure, folder / FIGURE_NAME)
     results = axes_diagnosis_results(diagnosis)
-    if provenance is not None:
-        provenance = provenance.with_file("extended model", folder / MODEL_NAME)
-        results["provenance"] = provenance.results()
-    write_text(axes_page(diagnosis, figure, provenance), folder / PAGE_NAME)
-    write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", folder / JSON_NAME)
+    write_page_and_results(folder, results, provenance, lambda where: axes_page(diagnosis, figure, where))
 
 
 def axes_diagnosis_results(diagnosis: AxesDiagnosis) -> dict[str, Any]:

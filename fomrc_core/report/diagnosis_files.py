@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,10 +67,27 @@ def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str], proven
     write_model(diagnosis.extended_model, folder / MODEL_NAME, error_um)
     write_bytes(figures["where"], folder / FIGURE_NAME)
     results = diagnosis_results(diagnosis)
+    write_page_and_results(folder, results, provenance, lambda where: page(diagnosis, figures, where))
+
+
+def write_page_and_results(
+    folder: Path,
+    results: dict[str, Any],
+    provenance: Provenance | None,
+    page_of: Callable[[Provenance | None], str],
+) -> None:
+    """Write the page and, last, the JSON of a diagnosis whose model is written.
+
+    Args:
+        folder: with the model.
+        results: what the JSON says, but for where it comes from.
+        provenance: where it comes from, the model not counted; None where it is not told.
+        page_of: the page, given where it comes from.
+    """
     if provenance is not None:
         provenance = provenance.with_file("extended model", folder / MODEL_NAME)
-        results["provenance"] = provenance.results()
-    write_text(page(diagnosis, figures, provenance), folder / PAGE_NAME)
+        results = results | {"provenance": provenance.results()}
+    write_text(page_of(provenance), folder / PAGE_NAME)
     write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", folder / JSON_NAME)
 
 
