@@ -42,7 +42,7 @@ from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.noise import NoiseFloor, noise_floor
+from fomrc_core.records.noise import NoiseFloor, known_noise, noise_floor, rounding_of
 from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
@@ -224,13 +224,13 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     wanted = {name: kind for name, kind in cause_classes().items() if name not in asked.excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
     tell(0.02, "noise floor")
-    noise = noise_floor(looked.train)
+    noise = known_noise(looked.train)
     split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
     tell(0.05, "base model")
     base = base_model(split)
     again = looked if known is not None else looked.again(_residuals_of_all(base, split))
     if again is not looked:
-        looked, noise = again, noise_floor(again.train)
+        looked, noise = again, known_noise(again.train)
         split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
         base = base_model(split)
     start = base if known is None else known.start(base, split, asked.executor)
@@ -303,6 +303,8 @@ def _result(
     tell(0.97, "what remains")
     records, worst, floor = _views(split, base, extension.trial, noise)
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
+    rounding_um = rounding_of(quoted_um)
+    floor = max(floor, rounding_um)
     before = rms(np.concatenate(held_residuals(base, split.report)))
     after = rms(np.concatenate(held_residuals(extension.trial, split.report)))
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
@@ -313,6 +315,7 @@ def _result(
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))
+    learned = max(learned, rounding_um)
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
     findings = with_probabilities(findings, judgement, tuple(tied))

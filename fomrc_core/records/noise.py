@@ -18,6 +18,7 @@ from fomrc_core.records.spectral_lines import without_lines
 _N_CORRELATED_MIN = 10
 _MOST_UNSEEN = 0.2  # of the variance: it raises an rms by 10 %, half of what a noise known from repeats is allowed
 _ALIKE = 2.0  # standard errors within which two estimates of one noise are one
+_ROUNDING = 1e-12  # of the largest displacement
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
@@ -63,6 +64,22 @@ def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
         return NoiseFloor(float(np.median(differences)), float("nan"))
     rms_um, unseen, error = np.median(seen, axis=0)
     return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error))
+
+
+def rounding_of(values_um: Sequence[Array]) -> float:
+    """Return what sums over plays and creep of displacements [um] like these are rounded to at best [um]."""
+    return _ROUNDING * max(float(np.max(np.abs(values))) for values in values_um)
+
+
+def known_noise(recordings: Sequence[Recording]) -> NoiseFloor:
+    """Return the noise floor of the recordings [um], no less than what they are rounded to."""
+    least_um = rounding_of([r.measured_um for r in recordings])
+    noise = noise_floor(recordings)
+    return replace(
+        noise,
+        differences_um=max(noise.differences_um, least_um),
+        repeats_um=float(np.maximum(noise.repeats_um, least_um)),
+    )
 
 
 def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status, judge
 from fomrc_core.diagnosis.remainder import Dependence
+from fomrc_core.records.recording import Recording
 
 _NOTHING = (Dependence("rate", 0.0, 0.4), Dependence("displacement", 0.01, 0.2))
 _RATE = (Dependence("rate", 0.3, 1e-6), Dependence("displacement", 0.01, 0.2))
@@ -61,3 +64,12 @@ def test_what_weights_learned_from_noise_err_is_no_cause():
     assert judge(1.0, True, 9.0, 1.3, 1.3, _NOTHING, learning_excess=0.6).is_noise
     # however little the records determine: twice the noise is not noise
     assert not judge(1.0, True, 9.0, 2.0, 2.0, _NOTHING, learning_excess=50.0).is_noise
+
+
+def test_a_record_without_any_noise_is_answered() -> None:
+    # a straight line of a simulation: what is left is rounding, and the noise between its samples nothing at all
+    time_s = np.arange(300) * 0.01
+    voltage_v = np.sin(5.0 * time_s)
+    found = diagnose(Recording(time_s, voltage_v, 2.0 * voltage_v))
+    assert found.findings == ()
+    assert found.noise_floor_um > 0.0
