@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-from fomrc_core.control.held_inputs import held_inputs
+from fomrc_core.control.held_inputs import HeldInputs
 from fomrc_core.control.loop_timing import LoopTiming
 from fomrc_core.control.tick_grid import TickGrid
 from fomrc_core.errors import InputError, ParameterError
@@ -62,7 +62,7 @@ class SimulatedPea(Node):
         values = self.parameters.values
         self._interface = position_interface(values["interface"], values["joint_name"])
         self._random = np.random.default_rng(values["seed"])
-        self._voltage_v = 0.0
+        self._inputs = HeldInputs()
         self._n_voltages = 0
         self._n_refused = 0
         self._refusal = ""
@@ -153,9 +153,9 @@ class SimulatedPea(Node):
         step_s = self._grid.step_s(1e-9 * now.nanoseconds)
         settings = self._settings
         # An actuator does not wait for this process: after a late tick it has been where the voltages brought it.
-        parts = held_inputs(self._voltage_v, self._sent_voltages(), 1e-9 * now.nanoseconds, step_s, self._grid.period_s)
-        for self._voltage_v, part_s in parts:
-            true_um = settings.plant.advance(self._state, self._voltage_v, part_s)
+        sent = self._sent_voltages()
+        for voltage_v, part_s in self._inputs.during(sent, 1e-9 * now.nanoseconds, step_s, self._grid.period_s):
+            true_um = settings.plant.advance(self._state, voltage_v, part_s)
         seen_um = true_um + settings.noise_um * self._random.standard_normal() if settings.noise_um else true_um
         if settings.quantization_um:
             seen_um = settings.quantization_um * round(seen_um / settings.quantization_um)
@@ -171,7 +171,7 @@ class SimulatedPea(Node):
                 "late_ticks": timing.n_late,
                 "largest_gap_ms": 1e3 * timing.latest_s,
                 "step_mean_us": 1e6 * timing.busy_mean_s,
-                "voltage_v": self._voltage_v,
+                "voltage_v": self._inputs.held,
                 "voltage_messages": self._n_voltages,
                 "displacement_um": self._displacement_um,
                 "refused_messages": self._n_refused,
