@@ -5,6 +5,7 @@ What a drive of a certain shape is (turning points, kinds of loops, repeats) is 
 
 __all__ = [
     "arguments",
+    "direction",
     "drive",
     "drive_outline",
     "excitation",

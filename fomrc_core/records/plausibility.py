@@ -7,6 +7,7 @@ from scipy.linalg import solve_toeplitz
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.errors import RecordingError
+from fomrc_core.records.direction import falls_with_voltage
 from fomrc_core.records.drive import turning_points
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
@@ -73,7 +74,7 @@ def suspicions(recording: Recording) -> list[str]:
         ]
     if is_sound and correlation**2 < _UNRELATED and _followed_share(v, x) < _UNRELATED:
         return [*found, "displacement has nothing to do with the voltage"]
-    if correlation < -_SIGN:
+    if falls_with_voltage(v, x):
         return [*found, "displacement falls where the voltage rises: is the sign of one reversed?"]
     if correlation > _SIGN and _leads(v, x) and _noise_share(v) > _NOISIER * _noise_share(x):
         found.append("voltage lags behind displacement and is the noisier of the two: are the columns swapped?")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.errors import RecordingError
+from fomrc_core.records.direction import falls_with_voltage
 from fomrc_core.records.noise import noise_floor
 from fomrc_core.records.quality import noisy_end
 from fomrc_core.records.recording import Recording
@@ -33,7 +34,8 @@ def check_usable(recordings: Sequence[Recording]) -> None:
 
     Raises:
         RecordingError: none given; too short; a gap in time; a sample period, a voltage, a
-            displacement or a gain that no piezo actuator has; a sensor that was clipped.
+            displacement or a gain that no piezo actuator has; a displacement that falls where the voltage rises;
+            a sensor that was clipped.
     """
     if not recordings:
         raise RecordingError("no recording given", where="recordings", allowed="one or more")
@@ -41,6 +43,7 @@ def check_usable(recordings: Sequence[Recording]) -> None:
         check_clock(record)
         _check_moves(record)
         _check_units(record)
+        _check_direction(record)
         _check_not_clipped(record)
 
 
@@ -92,6 +95,15 @@ def _check_units(record: Recording) -> None:
             where=f"{record.name}: displacement_um",
             value=gain,
             allowed=f"{low:g} to {high:g} um/V",
+        )
+
+
+def _check_direction(record: Recording) -> None:
+    if falls_with_voltage(record.voltage_v, record.measured_um):
+        raise RecordingError(
+            "displacement falls where the voltage rises: the sign of one is reversed",
+            where=f"{record.name}: displacement_um",
+            allowed="voltage and displacement counted so that they rise together",
         )
 
 
