@@ -38,6 +38,10 @@ def compare(
         Path | None,
         typer.Option("--model", "-m", metavar="M.yaml", help="Extended model to score beside the others."),
     ] = None,
+    models: Annotated[
+        str | None,
+        typer.Option(metavar="PART,...", help="Only those with one of these in their names, beside ours."),
+    ] = None,
     columns: Columns = None,
     rate: Rate = None,
     topics: Topics = None,
@@ -48,19 +52,24 @@ def compare(
     resample: Resample = None,
     accept: Accept = False,
 ) -> None:
-    """Compare the model with those of the field, on the same data with the same split."""
-    from fomrc_core.comparison.comparison import FILE_NAMES
+    """Compare the model with those of the field, on the same data with the same split.
+
+    Minutes for each model on a long recording. Each is kept in the folder as it is done; run again after an
+    interruption to go on.
+    """
+    from fomrc_core.comparison.comparison import FILE_NAMES, rivals_named
     from fomrc_core.comparison.comparison import compare as score_all
     from fomrc_core.storage import check_outputs, files_in, make_directory, read_model
 
     check_outputs(files_in(output, FILE_NAMES), [*recordings, test, *([model] if model else [])])
     extended = read_model(model) if model else None
+    rivals = None if models is None else rivals_named([part.strip() for part in models.split(",")])
     reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
     records = [reading.read(path) for path in recordings]
     held_out = reading.read(test)
     folder = make_directory(output)
     with progress_shown("compare") as progress:
-        comparison = score_all(records, held_out, folder, progress, extended_model=extended)
+        comparison = score_all(records, held_out, folder, progress, rivals=rivals, extended_model=extended)
     print(comparison)
 
 

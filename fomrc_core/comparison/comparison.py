@@ -25,8 +25,9 @@ from fomrc_core.comparison.baselines.rival import (
     training_error_um,
     training_record,
 )
+from fomrc_core.comparison.kept_rows import ROWS_NAME, KeptRows
 from fomrc_core.comparison.result import Comparison, InverseQuality, Row
-from fomrc_core.errors import FomrcError
+from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
@@ -36,7 +37,7 @@ from fomrc_core.storage import make_directory
 Array = NDArray[np.float64]
 
 NOISE_UM = 1e-3
-FILE_NAMES = ("comparison.md", "comparison.json", "comparison.png", "comparison.svg")
+FILE_NAMES = (ROWS_NAME, "comparison.md", "comparison.json", "comparison.png", "comparison.svg")
 _LARGEST_NOISE_GAIN = 100.0
 _LARGEST_ROUND_TRIP_PERCENT = 1.0
 
@@ -54,6 +55,9 @@ def compare(
     skip_s: float = 0.5,
 ) -> Comparison:
     """Fit every rival on the training data, score it on the held-out data; write table, figure and JSON.
+
+    Each row is kept in the output folder as soon as it is done (comparison_rows.json): begun anew on the same data, a
+    comparison goes on where it stopped.
 
     Args:
         train: one or more training records.
@@ -78,10 +82,16 @@ def compare(
     if with_amplifier:
         entrants += [Amplified(rival) for rival in entrants]
     rows = []
+    kept = KeptRows(None if output_directory is None else Path(output_directory), [*learned, held])
     for number, rival in enumerate(entrants):
+        entrant = f"{rival.name}, with an amplifier" if isinstance(rival, Amplified) else rival.name
+        row = kept.get(entrant)
         if progress is not None:
-            progress(number / len(entrants), rival.name)
-        rows.append(_row(rival, learned, held))
+            progress(number / len(entrants), entrant if row is None else f"{entrant}: kept")
+        if row is None:
+            row = _row(rival, learned, held)
+            kept.keep(entrant, row)
+        rows.append(row)
     if extended_model is not None:
         fitted = FittedFomrc(extended_model)
         rows.append(_scored("FOMRC, diagnosed", "this project", fitted, learned, held, math.nan))
@@ -93,6 +103,21 @@ def compare(
     if progress is not None:
         progress(1.0, "done")
     return comparison
+
+
+def rivals_named(parts: Sequence[str]) -> tuple[Rival, ...]:
+    """Return the rivals in whose names one of the parts stands, whatever its case.
+
+    Raises:
+        ParameterError: a part that stands in none.
+    """
+    known = all_rivals()
+    for part in parts:
+        if not any(part.lower() in rival.name.lower() for rival in known):
+            raise ParameterError(
+                "no such model", where="--models", value=part, allowed="parts of: " + "; ".join(r.name for r in known)
+            )
+    return tuple(rival for rival in known if any(part.lower() in rival.name.lower() for part in parts))
 
 
 def write_comparison(comparison: Comparison, directory: Path) -> None:

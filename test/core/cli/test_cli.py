@@ -207,6 +207,10 @@ def test_excite_writes_drives(here: Path, arguments: list[str], n_samples: int) 
         (["diagnose", "stage.csv", "-o", "result", "--model", "none.yaml"], "none.yaml: no such file"),
         (["compare", "stage.csv", "-o", "result"], "Missing option '--test'"),
         (["compare", "stage.csv", "--test", "none.csv", "-o", "result"], "none.csv: no such file"),
+        (
+            ["compare", "stage.csv", "--test", "stage.csv", "-o", "r", "--models", "neural"],
+            "--models: no such model, got",
+        ),
         (["reproduce", "-o", "stage.csv"], "--output: folder cannot be made"),
         (["excite"], "Usage: fomrc excite"),
         (["excite", "square", "-o", "x.csv"], "No such command"),

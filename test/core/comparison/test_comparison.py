@@ -85,3 +85,34 @@ def test_nrmse_is_of_the_measured_range(found):
     comparison = found[0]
     row = comparison.rows[0]
     assert row.test_nrmse_percent == pytest.approx(100 * row.test_rms_um / comparison.test_range_um, rel=1e-12)
+
+
+def test_a_comparison_cut_short_goes_on_where_it_stopped(tmp_path):
+    class Stopped(Rival):
+        name = "stopped"
+        publication = "none"
+
+        def fit(self, records):
+            raise KeyboardInterrupt
+
+    class Counted(MaxwellResistiveCapacitor):
+        n_fitted = 0
+
+        def fit(self, records):
+            Counted.n_fitted += 1
+            return super().fit(records)
+
+    def run(test, rivals):
+        train = record(2.5, "train", 1)
+        return compare(train, test, tmp_path, rivals=rivals, with_amplifier=False, settle_s=0.0)
+
+    held_out = record(2.0, "test", 2)
+    with pytest.raises(KeyboardInterrupt):
+        run(held_out, [Unfittable(), Counted(), Stopped()])
+    found = run(held_out, [Unfittable(), Counted()])
+    assert Counted.n_fitted == 1
+    again = run(held_out, [Unfittable(), Counted()])
+    assert again.table() == found.table()
+    assert Counted.n_fitted == 1
+    run(record(1.9, "another", 2), [Counted()])
+    assert Counted.n_fitted == 2
