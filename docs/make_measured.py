@@ -125,6 +125,10 @@ def draw(answers: list[tuple[Measured, Diagnosis]]) -> None:
         axis.set_title(f"{case.name}: {found.status.value}", fontsize=9, loc="left")
         axis.set_ylabel("residual [nm]")
         axis.margins(x=0.0)
+        # a start that depends on what came before the record would hide the rest
+        shown_nm = 1e3 * view.residual_before_um[view.is_scored]
+        low_nm, high_nm = np.percentile(shown_nm, (0.5, 99.5))
+        axis.set_ylim(low_nm - 0.2 * (high_nm - low_nm), high_nm + 0.2 * (high_nm - low_nm))
     axes[0].legend(loc="upper right", fontsize=8, ncols=2)
     axes[-1].set_xlabel("time [s]")
     figure.savefig(_FIGURE, dpi=110)
