@@ -34,6 +34,7 @@ from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.unevenness import unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, residuals
@@ -311,7 +312,8 @@ def _result(
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
     tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
-    tests = dependences([_driven(view) for view in records])
+    driven = [_driven(view) for view in records]
+    tests = (*dependences(driven), *(() if noise.sees_slow_noise else (unevenness(driven),)))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))

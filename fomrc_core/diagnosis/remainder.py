@@ -89,7 +89,7 @@ def _dependence(on: str, records: Sequence[DrivenRecord], columns: list[Array]) 
     for parity in (0, 1):
         learned, judged = [], []
         for record in records:
-            block, is_inside = _blocks(record.time_s.size)
+            block, is_inside = blocks_of(record.time_s.size)
             is_own = record.is_used & is_inside
             learned.append(is_own & (block % 2 == parity))
             judged.append(is_own & (block % 2 != parity))
@@ -97,7 +97,7 @@ def _dependence(on: str, records: Sequence[DrivenRecord], columns: list[Array]) 
         for record, c, is_learned, is_judged in zip(records, columns, learned, judged, strict=True):
             if not np.any(is_judged) or not np.any(is_learned):
                 continue
-            block, _ = _blocks(record.time_s.size)
+            block, _ = blocks_of(record.time_s.size)
             mean = np.mean(c[is_learned], axis=0)
             residual = record.residual_um - np.mean(record.residual_um[is_learned])
             raw = (c - mean) @ coefficients
@@ -124,7 +124,8 @@ def _dependence(on: str, records: Sequence[DrivenRecord], columns: list[Array]) 
     return Dependence(on, share, p_value)
 
 
-def _blocks(n_samples: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def blocks_of(n_samples: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the block of each sample, and whether it is not at an edge of it, shapes (n_samples,)."""
     share = np.arange(n_samples) * _N_BLOCKS / n_samples
     inside = share - np.floor(share)
     return share.astype(np.int64), (inside >= _GAP_SHARE) & (inside < 1.0 - _GAP_SHARE)
@@ -139,7 +140,7 @@ def _learned(records: Sequence[DrivenRecord], columns: list[Array], learned: lis
             continue
         x = c[mask] - np.mean(c[mask], axis=0)
         y = record.residual_um[mask] - np.mean(record.residual_um[mask])
-        parts.append((x, y, _blocks(record.time_s.size)[0][mask]))
+        parts.append((x, y, blocks_of(record.time_s.size)[0][mask]))
     if not parts:
         return np.zeros(n_columns)
     equations = normal_equations((x, y, np.ones(y.size, dtype=np.bool_)) for x, y, _ in parts)
@@ -195,9 +196,9 @@ def _groups(record: DrivenRecord, ranges: _Ranges) -> dict[str, Array]:
     r = np.gradient(record.voltage_v, record.time_s) / ranges.rate_v_per_s
     way, since = _since_turn(record, v, ranges)
     rising = (way > 0.0)[:, None]
-    hats = _hats(v)
+    hats = hats_over(v)
     return {
-        "displacement": np.column_stack((_hats(ranges.share_um(record.predicted_um)), hats)),
+        "displacement": np.column_stack((hats_over(ranges.share_um(record.predicted_um)), hats)),
         "rate": np.column_stack((r, np.abs(r), np.sign(r) * np.sqrt(np.abs(r)), r * np.abs(r), v * r, v * np.abs(r))),
         "place in the loop": np.column_stack((hats * rising, hats * ~rising)),
         "time since turning": np.column_stack((since * way[:, None], since)),
@@ -205,7 +206,8 @@ def _groups(record: DrivenRecord, ranges: _Ranges) -> dict[str, Array]:
     }
 
 
-def _hats(unit: Array, n: int = _N_HATS) -> Array:
+def hats_over(unit: Array, n: int = _N_HATS) -> Array:
+    """Return hat functions of values from 0 to 1, side by side, shape (n_samples, n)."""
     centres = np.linspace(0.0, 1.0, n)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(unit[:, None] - centres) * (n - 1)))
 
@@ -218,7 +220,7 @@ def _since_turn(record: DrivenRecord, v: Array, ranges: _Ranges) -> tuple[Array,
     way = v[edges[at + 1]] - v[edges[at]]
     since = record.time_s - record.time_s[edges[at]]
     n_decades = np.log(max(ranges.duration_s / ranges.step_s, 2.0))
-    return way, _hats(np.log(np.maximum(since / ranges.step_s, 1.0)) / n_decades)
+    return way, hats_over(np.log(np.maximum(since / ranges.step_s, 1.0)) / n_decades)
 
 
 def _lags(v: Array, ranges: _Ranges) -> Array:

@@ -19,4 +19,5 @@ __all__ = [
     "residual",
     "sensor_step",
     "usability",
+    "whitening",
 ]

@@ -1,0 +1,94 @@
+"""Whether what is left is larger where the drive moves far from sample to sample.
+
+A sensor's noise does not know how far the drive moves: it may be slow, and it may grow with the displacement, but what
+is new in it from sample to sample is as large where the drive stands as where it jumps. What a model gets wrong of a
+fast motion is not, and often follows from nothing that a regression of its sign could tell: an error in time that
+changes over a record, a drive read at the wrong moment. Where no repeat shows the noise apart from a model such an
+error would pass for slow noise.
+
+The residual is whitened first, or noise that wanders would be large by chance where the drive is fast. The statistic is
+Spearman's: ranks of the square of what is new against ranks of the drive's step, what the displacement says of either
+taken out, its mean over blocks against their spread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import rankdata
+from scipy.stats import t as student
+
+from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.least_squares import shortest_weights
+from fomrc_core.diagnosis.remainder import Dependence, DrivenRecord, blocks_of, hats_over
+from fomrc_core.records.sensor_step import sensor_step_um
+from fomrc_core.records.whitening import burg
+
+ON = "how far the drive moves between samples"
+_QUIET_SHARE = 1.0 / 3.0  # of the samples, those about which the drive moves least
+_LEAST_BLOCKS = 4
+_MOST_ORDER = 8  # of the whitening filter: a sensor's filter and a slow wander
+_LEAST_SAMPLES = 50
+_ROUNDING_SHARE = 0.1  # of the power of what is left
+
+
+def unevenness(records: Sequence[DrivenRecord]) -> Dependence:
+    """Return how much of the power of what is new in each sample is more than where the drive moves least, how surely.
+
+    Args:
+        records: with the residual of one and the same model.
+    """
+    correlations: list[float] = []
+    excess = total = 0.0
+    for record in records:
+        block, is_inside = blocks_of(record.time_s.size)
+        used = record.is_used & is_inside
+        step_v = _step_about(record.voltage_v)
+        is_still = not float(np.ptp(step_v[used])) > 0.0
+        if np.count_nonzero(used) < _LEAST_SAMPLES or is_still or _is_rounding(record):
+            continue
+        power = np.square(_white(record.residual_um - np.mean(record.residual_um[used]), used))[used]
+        moved = hats_over(_unit(record.predicted_um[used]))
+        of_power, of_step = (_partial_ranks(values, moved) for values in (power, step_v[used]))
+        correlations += [float(np.mean((of_power * of_step)[block[used] == k])) for k in np.unique(block[used])]
+        is_quiet = step_v[used] <= np.quantile(step_v[used], _QUIET_SHARE)
+        excess += max(float(np.sum(power)) - power.size * float(np.mean(power[is_quiet])), 0.0)
+        total += float(np.sum(power))
+    values = np.array(correlations)
+    spread = float(np.std(values, ddof=1)) if values.size >= _LEAST_BLOCKS else 0.0
+    if spread == 0.0 or total == 0.0:
+        return Dependence(ON, 0.0, 1.0)
+    p_value = float(student.sf(float(np.mean(values)) / (spread / np.sqrt(values.size)), values.size - 1))
+    return Dependence(ON, excess / total, p_value)
+
+
+def _is_rounding(record: DrivenRecord) -> bool:
+    """Return whether readings are so coarse that what is left tells of them: they stand where the drive stands."""
+    step_um = sensor_step_um((record.predicted_um + record.residual_um)[record.is_used])
+    return step_um**2 / 12.0 > _ROUNDING_SHARE * float(np.var(record.residual_um[record.is_used]))
+
+
+def _white(residual_um: Array, used: Mask) -> Array:
+    """Return what is new in each sample, shape (n_samples,)."""
+    process = burg([residual_um[used]], _MOST_ORDER)
+    return process.whiten(residual_um) if process.innovation_um2 > 0.0 else residual_um
+
+
+def _step_about(voltage_v: Array) -> Array:
+    """Return the larger of the drive's steps to a sample and from it [V], shape (n_samples,)."""
+    steps_v = np.abs(np.diff(voltage_v))
+    return np.asarray(np.maximum(np.append(steps_v[:1], steps_v), np.append(steps_v, steps_v[-1:])))
+
+
+def _unit(values: Array) -> Array:
+    span = float(np.ptp(values))
+    return (values - np.min(values)) / span if span > 0.0 else np.zeros(values.size)
+
+
+def _partial_ranks(values: Array, columns: Array) -> Array:
+    """Return ranks less what columns say of them, of deviation 1, shape (n_samples,)."""
+    ranks = np.asarray(rankdata(values), dtype=np.float64)
+    rest = ranks - columns @ shortest_weights(columns, ranks)
+    spread = float(np.std(rest))
+    return np.asarray(rest / spread if spread > 0.0 else rest)
