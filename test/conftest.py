@@ -17,6 +17,7 @@ _LONGEST = (
     "test/core/reproduction/test_reproduction.py",
     "test/core/comparison/test_comparison.py",
     "test/core/comparison/test_baselines.py",
+    "test/core/diagnosis/test_remainder.py::test_noise_of_any_colour_follows_from_nothing[0.6]",
     "test/core/identification/test_axes_identification.py::test_two_axes_of_another_form_are_found[1]",
     "test/hidden/second/test_second_case.py::test_form_error_says",
     "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
