@@ -77,6 +77,7 @@ class NodeServer:
             "paths": list(map(str, paths)),
             "environment": dict(os.environ, PYTHONPATH=os.pathsep.join(map(str, (REPOSITORY, *paths)))),
         }
+        output.touch()  # read before the process has come to it
         self._channel.send(json.dumps(request).encode())
         while (pid := self._take(None)) is None:
             pass
