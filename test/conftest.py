@@ -17,12 +17,33 @@ _LONGEST = (
     "test/core/reproduction/test_reproduction.py",
     "test/core/comparison/test_comparison.py",
     "test/core/comparison/test_baselines.py",
+    "test/core/diagnosis/test_remainder.py::test_noise_of_any_colour_follows_from_nothing[0.6]",
     "test/core/identification/test_axes_identification.py::test_two_axes_of_another_form_are_found[1]",
     "test/hidden/second/test_second_case.py::test_form_error_says",
     "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
     "test/hidden/test_one_sine.py",
 )
-_MEASURES = ("test/ros/test_watch_node.py", "test/ros/test_calibration.py")
+_MEASURES = (
+    "test/ros/test_watch_node.py::test_a_stage_that_moves_less",
+    "test/ros/test_calibration.py::test_calibrated_stage_follows",
+    "test/ros/test_calibration.py::test_joint_states_and_simulated_time",
+)
+# Files of a minute or two and of many waits, begun first of their kind so that no worker is left alone with one.
+_LONG_FILES = (
+    "test/hidden/test_hidden_effects.py",
+    "test/core/diagnosis/",
+    "test/core/effects/test_foreign_effects.py",
+    "test/core/export/",
+    "test/core/identification/test_fleet.py",
+    "test/core/records/test_noise_model.py",
+    "test/ros/test_never_garbage.py",
+    "test/ros/test_files_and_parameters.py",
+    "test/ros/test_fuzz_in_service.py",
+    "test/ros/test_voltage_limits.py",
+    "test/ros/test_axes.py",
+    "test/ros/test_parameters.py",
+    "test/ros/test_identification.py",
+)
 # Each test of these takes long by itself; elsewhere what a file's tests look at is made once, in one worker.
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
 
@@ -62,14 +83,19 @@ def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[py
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put the ROS tests last: several processes at 1 kHz want the processors to themselves.
+    """Put the long files first and the ROS tests last: several processes at 1 kHz want the processors to themselves.
 
     Last of all those that measure: by then no other worker has anything left to do.
     """
     if len(items) > _MANY:
         items[:], left = _of_many_alike(items)
         config.hook.pytest_deselected(items=left)
-    items.sort(key=lambda item: (item.nodeid.startswith(_ROS_TESTS), item.nodeid.startswith(_MEASURES)))
+    items.sort(key=lambda item: _place(item.nodeid))
+
+
+def _place(nodeid: str) -> tuple[bool, bool, int]:
+    rank = next((k for k, name in enumerate(_LONG_FILES) if nodeid.startswith(name)), len(_LONG_FILES))
+    return nodeid.startswith(_ROS_TESTS), nodeid.startswith(_MEASURES), rank
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from fomrc_core.errors import ParameterError, StorageError
-from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage.atomic import read_text, write_text
 from fomrc_core.storage.plain_yaml import load_yaml
+
+if TYPE_CHECKING:
+    from fomrc_core.model.piezo_model import PiezoModel
 
 _N_BYTES_MAX = 1 << 18
 _NESTING = "'/**: ros__parameters: model:'"
@@ -27,6 +29,8 @@ def read_model(path: str | os.PathLike[str]) -> PiezoModel:
         StorageError: not readable, not plain YAML, or nested otherwise.
         ParameterError: a value of the model outside what is allowed.
     """
+    from fomrc_core.model.piezo_model import PiezoModel  # slow to import; who reads other files needs none
+
     where = os.fspath(path)
     content = load_yaml(read_text(path, n_bytes_max=_N_BYTES_MAX), where)
     block = model_block(content, where)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.task import Future
@@ -15,9 +14,10 @@ from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.records import excitation
 from fomrc_ros.node.jobs import Jobs
 from fomrc_ros.node.model_parameters import as_replacement
-from fomrc_ros.node.parameter_files import confined_path, given_at_start, read_parameter_file
+from fomrc_ros.node.parameter_files import confined_path, given_at_start, read_in_a_process
 from fomrc_ros.node.parameters import NodeParameters
-from fomrc_ros.node.worker_process import Progress, WorkerRunner
+from fomrc_ros.node.work import Progress
+from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.compensator import CompensatorSettings
 
 
@@ -40,7 +40,7 @@ class ReloadService:
             path = confined_path(
                 values["parameters_file"], values["allowed_folders"], "parameters_file", also=given_at_start()
             )
-            found = await self._work.run(read_file, (path, self._node.get_fully_qualified_name()))
+            found = await self._work.run(read_in_a_process, (path, self._node.get_fully_qualified_name()))
             self._parameters.set_all(as_replacement(found))
             response.success, response.message = True, f"parameters of {path} are in force"
         except FomrcError as error:
@@ -50,11 +50,6 @@ class ReloadService:
         if not response.success:
             self._node.get_logger().error(f"reload refused: {response.message}")
         return response
-
-
-def read_file(request: tuple[Any, str], tell: Callable[[float, str], None]) -> dict[str, Any]:
-    """Return the parameters of a file, request being its path and the node's name; work for a process."""
-    return read_parameter_file(*request)
 
 
 class RelaxServices:

@@ -22,7 +22,8 @@ from fomrc_ros.identification.stage_drive import StageDrive
 from fomrc_ros.identification.stage_recorder import StageRecorder
 from fomrc_ros.node.runtime import steady_clock
 from fomrc_ros.node.voltage_interface import voltage_interface
-from fomrc_ros.node.worker_process import Progress, WorkerRunner
+from fomrc_ros.node.work import Progress
+from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.identification import IdentificationSettings
 
 _WATCH_PERIOD_S = 0.1

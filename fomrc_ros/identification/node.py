@@ -19,7 +19,8 @@ from fomrc_ros.node.parameter_files import check_kind, check_no_input, confined_
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import run
-from fomrc_ros.node.worker_process import Progress, WorkerRunner
+from fomrc_ros.node.work import Progress
+from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.identification import build_settings, identification_specs
 from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 

@@ -16,5 +16,6 @@ __all__ = [
     "runtime",
     "voltage_interface",
     "voltage_parameters",
+    "work",
     "worker_process",
 ]

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from fomrc_core.errors import FomrcError
 from fomrc_ros.node.quality_of_service import LATCHED, overridable
 from fomrc_ros.node.runtime import steady_clock
-from fomrc_ros.node.worker_process import Progress
+from fomrc_ros.node.work import Progress
 
 _LOOK_PERIOD_S = 0.2
 

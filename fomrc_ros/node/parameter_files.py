@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +113,11 @@ def read_parameter_file(path: Path, node_name: str) -> dict[str, Any]:
             allowed=f"/** or {node_name}",
         )
     return found
+
+
+def read_in_a_process(request: tuple[Path, str], tell: Callable[[float, str], None]) -> dict[str, Any]:
+    """Return the parameters of a file, request being its path and the node's name; work for a process."""
+    return read_parameter_file(*request)
 
 
 def given_at_start() -> list[Path]:

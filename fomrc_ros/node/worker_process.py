@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import signal
-from collections.abc import Callable
-from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import Any
 
 from rclpy.node import Node
@@ -15,26 +11,10 @@ from rclpy.task import Future
 
 from fomrc_core.errors import FomrcError
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.work import Outcome, Progress, Work, do
 
-Work = Callable[[Any, Callable[[float, str], None]], Any]
 _END_WAIT_S = 2.0
 _POLL_PERIOD_S = 0.05
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far the work is: fraction done [1] and what is being done."""
-
-    fraction: float
-    message: str
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How the work ended: its result, or the reason there is none."""
-
-    result: Any = None
-    reason: str = ""
 
 
 class WorkerProcess:
@@ -50,7 +30,7 @@ class WorkerProcess:
     def __init__(self, work: Work, request: Any) -> None:
         context = multiprocessing.get_context("spawn")
         self._receiver, sender = context.Pipe(duplex=False)
-        self._process = context.Process(target=_do, args=(sender, work, request), daemon=True)
+        self._process = context.Process(target=do, args=(sender, work, request), daemon=True)
         self._process.start()
         sender.close()
         self.progress = Progress(0.0, "starting")
@@ -142,26 +122,3 @@ class WorkerRunner:
         outcome = self._worker.poll()
         if outcome is not None:
             self._finished.set_result(outcome)
-
-
-def _do(sender: Connection, work: Work, request: Any) -> None:
-    # Ctrl-C goes to the whole terminal; the node decides what becomes of this process.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-    def tell(fraction: float, message: str) -> None:
-        sender.send(Progress(float(fraction), str(message)[:200]))
-
-    try:
-        outcome = Outcome(result=work(request, tell))
-    except FomrcError as error:
-        outcome = Outcome(reason=str(error))
-    except MemoryError:
-        outcome = Outcome(reason="not enough memory")
-    except BrokenPipeError:
-        return  # whoever asked is gone
-    except Exception as error:
-        outcome = Outcome(reason=" ".join(f"{type(error).__name__}: {error}".split())[:300])
-    with contextlib.suppress(OSError):
-        sender.send(outcome)
-        sender.close()

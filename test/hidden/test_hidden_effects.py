@@ -32,7 +32,7 @@ def _seed() -> int:
 
 
 SEED = _seed()
-_HIDDEN = np.random.default_rng(SEED).choice(CAUSES, _N_HIDDEN, replace=False).tolist()[: len(some_of(range(5), 2))]
+_HIDDEN = np.random.default_rng(SEED).choice(CAUSES, _N_HIDDEN, replace=False).tolist()[: len(some_of(range(5), 3))]
 
 
 @pytest.mark.parametrize(("seed", "cause"), [(SEED + k, cause) for k, cause in enumerate(_HIDDEN)])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +15,8 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-from harness import REPOSITORY, NodeUnderTest, Probe, die_with_the_test
+from harness import REPOSITORY, NodeUnderTest, Probe, server
+from node_server import ForkedProcess
 
 
 @pytest.fixture
@@ -45,15 +43,15 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeUnderTest]]:
 
 
 @pytest.fixture
-def spoilt() -> Iterator:
+def spoilt(tmp_path: Path) -> Iterator:
     """Start stages whose sensor is spoilt."""
-    stages: list[subprocess.Popen] = []
+    stages: list[ForkedProcess] = []
 
     def start(kind: str, *options: str) -> None:
-        paths = (REPOSITORY, REPOSITORY / "test" / "ros", REPOSITORY / "test" / "core")
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(map(str, paths)))
-        command = [sys.executable, str(Path(__file__).with_name("spoilt_stage.py")), kind, *options]
-        stages.append(subprocess.Popen(command, env=environment, preexec_fn=die_with_the_test))
+        script = Path(__file__).with_name("spoilt_stage.py")
+        output = tmp_path / f"spoilt_stage{len(stages)}.log"
+        paths = (script.parent, REPOSITORY / "test" / "core")
+        stages.append(server().fork(str(script), [kind, *options], tmp_path, output, *paths))
 
     yield start
     for stage in stages:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
+import functools
 import os
 import signal
 import struct
@@ -20,6 +20,7 @@ import yaml
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
+from node_server import REPOSITORY, ForkedProcess, NodeServer, die_with_the_parent
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.parameter import Parameter
@@ -33,7 +34,6 @@ from small_model import MODEL
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 MODULES = {
     "compensator": "fomrc_ros.compensator",
     "simulated_pea": "fomrc_ros.simulated_stage",
@@ -42,7 +42,6 @@ MODULES = {
     "gap_monitor": "fomrc_ros.gap",
     "watch": "fomrc_ros.watch",
 }
-_LIBC = ctypes.CDLL(None)
 _READ_BEST_EFFORT = QoSProfile(depth=20000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _READ = QoSProfile(depth=20000)
 # Waiting ends when what is waited for has come; this much later it never will, on however busy a machine.
@@ -57,13 +56,14 @@ def model_file(path: Path, model: dict | None = None, **parameters: object) -> P
     return path
 
 
-def die_with_the_test() -> None:
-    # PR_SET_PDEATHSIG: a test run that crashes must not leave nodes behind that publish into the next one.
-    _LIBC.prctl(1, signal.SIGKILL)
+@functools.cache
+def server() -> NodeServer:
+    """Return what forks the nodes of this test run."""
+    return NodeServer()
 
 
 class NodeUnderTest:
-    """One node in a process of its own."""
+    """One node in a process of its own, as ``python -m`` starts it; forked with its imports made unless it is fresh."""
 
     def __init__(
         self,
@@ -72,37 +72,38 @@ class NodeUnderTest:
         *files: Path,
         namespace: str = "",
         remaps: Mapping[str, str] | None = None,
+        is_fresh: bool = False,
         **parameters: object,
     ) -> None:
         self.kind, self.namespace = kind, namespace
         self.name = f"{namespace}/{kind}"
         self._output = folder / f"{kind}{time.monotonic_ns()}.log"
-        command = [
-            sys.executable,
-            "-m",
-            MODULES[kind],
-            *(["--monitor"] if kind == "gap_monitor" else []),
-            "--ros-args",
-        ]
+        arguments = [*(["--monitor"] if kind == "gap_monitor" else []), "--ros-args"]
         for file in files:
-            command += ["--params-file", str(file)]
+            arguments += ["--params-file", str(file)]
         if namespace:
-            command += ["-r", f"__ns:={namespace}"]
+            arguments += ["-r", f"__ns:={namespace}"]
         for name, other in (remaps or {}).items():
-            command += ["-r", f"{name}:={other}"]
+            arguments += ["-r", f"{name}:={other}"]
         for name, value in parameters.items():
             shown = str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
-            command += ["-p", f"{name}:={shown}"]
-        environment = dict(os.environ, PYTHONPATH=str(REPOSITORY))
+            arguments += ["-p", f"{name}:={shown}"]
+        self.process: subprocess.Popen | ForkedProcess
+        if is_fresh:
+            self.process = self._started(["-m", MODULES[kind], *arguments], folder)
+        else:
+            self.process = server().fork(MODULES[kind], arguments, folder, self._output)
+
+    def _started(self, arguments: list[str], folder: Path) -> subprocess.Popen:
         with self._output.open("wb") as output:
-            self.process = subprocess.Popen(
-                command,
+            return subprocess.Popen(
+                [sys.executable, *arguments],
                 cwd=folder,
-                env=environment,
+                env=dict(os.environ, PYTHONPATH=str(REPOSITORY)),
                 stdout=output,
                 stderr=output,
                 start_new_session=True,
-                preexec_fn=die_with_the_test,
+                preexec_fn=die_with_the_parent,
             )
 
     def output(self) -> str:

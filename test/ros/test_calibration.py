@@ -176,6 +176,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     stage.process.kill()
     check(future, "no displacement")
     # The compensator dies: nothing to bring back, and the node says so.
+    assert probe.set_one(identification.name, "service_timeout_s", 1.0).successful
     compensator.process.kill()
     compensator.process.wait()
     future = client.call_async(Trigger.Request())

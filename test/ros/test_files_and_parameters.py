@@ -187,7 +187,7 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
 )
 def test_a_misspelt_name_is_refused_at_start(tmp_path, start, kind):
     file = model_file(tmp_path / "model.yaml", maximun_voltage_v=1.0)
-    node = start(kind, file)
+    node = start(kind, file, is_fresh=True)
     assert node.wait_for_exit() == 2
     lines = clean(node.output())
     assert len(lines) == 1, lines

@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 import yaml
-from harness import REPOSITORY, die_with_the_test, model_file
+from harness import REPOSITORY, model_file
+from node_server import die_with_the_parent
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from small_model import MODEL
@@ -73,7 +74,7 @@ def test_the_drivers_skeleton_goes_to_the_safe_voltage_when_the_compensator_is_k
 
     with said.open("wb") as output:
         command = [sys.executable, str(tmp_path / "driver.py")]
-        driver = subprocess.Popen(command, stdout=output, stderr=output, preexec_fn=die_with_the_test)
+        driver = subprocess.Popen(command, stdout=output, stderr=output, preexec_fn=die_with_the_parent)
     try:
         given = {"rate_hz": 100.0, "stale_after_s": 0.0, "voltage_promises": True}
         compensator = start("compensator", model_file(tmp_path / "model.yaml"), **given)

@@ -11,7 +11,8 @@ import subprocess
 import sys
 
 import pytest
-from harness import PATIENCE_S, REPOSITORY, die_with_the_test
+from harness import PATIENCE_S, REPOSITORY
+from node_server import die_with_the_parent
 
 FILES = sorted((REPOSITORY / "launch").glob("*.launch.py"))
 
@@ -82,7 +83,7 @@ def test_they_start_run_and_end_at_the_safe_voltage(tmp_path, probe, installed, 
     pytest.importorskip("launch_ros", reason="the launch system is not installed")
     file = REPOSITORY / "launch" / name
     command = [sys.executable, "-c", LAUNCH, str(file)]
-    launched = subprocess.Popen(command, cwd=tmp_path, env=installed, preexec_fn=die_with_the_test)
+    launched = subprocess.Popen(command, cwd=tmp_path, env=installed, preexec_fn=die_with_the_parent)
     try:
         heard = probe.record(f"{axis}/voltage" if axis else "voltage")
         publisher = probe.publisher(f"{axis}/desired_position" if axis else "desired_position")

@@ -11,8 +11,9 @@ from harness import clean, model_file
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_nodes_end_without_noise(tmp_path, probe, start, number):
     file = model_file(tmp_path / "model.yaml")
-    compensator = start("compensator", file, checkpoint_file=tmp_path / "memory", safe_ramp_v_per_s=5.0)
-    others = [start("simulated_pea", file), start("identification", file)]
+    memory = tmp_path / "memory"
+    compensator = start("compensator", file, is_fresh=True, checkpoint_file=memory, safe_ramp_v_per_s=5.0)
+    others = [start(kind, file, is_fresh=True) for kind in ("simulated_pea", "identification")]
     heard = probe.record("voltage")
     moved = probe.record("displacement")
     publisher = probe.publisher("desired_position")
@@ -39,10 +40,10 @@ def test_what_cannot_start_says_so_in_one_line(tmp_path, start):
     broken.write_text("/**:\n  ros__parameters: [1\n")
     good = model_file(tmp_path / "good.yaml")
     cases = [
-        (start("compensator", bad_model), "kappa_um_per_v"),
+        (start("compensator", bad_model, is_fresh=True), "kappa_um_per_v"),
         (start("compensator", broken), "broken.yaml"),
         (start("simulated_pea", good, rate_hz="fast"), "rate_hz"),
-        (start("simulated_pea", plant="fomrc"), "model"),
+        (start("simulated_pea", is_fresh=True, plant="fomrc"), "model"),
         (start("identification", good, method="magic"), "method"),
         (start("compensator", good, minimum_voltage_v=5.0), "minimum_voltage_v"),
     ]

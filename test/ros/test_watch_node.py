@@ -94,7 +94,7 @@ def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, sp
 
 
 def test_without_a_model_or_a_compensator_it_says_so(tmp_path, probe, start):
-    alone = start("watch", compensator="")
+    alone = start("watch", is_fresh=True, compensator="")
     probe.until(lambda: "no model" in probe.messages.get(alone.name, ""), "the warning")
     assert probe.levels[alone.name] == DiagnosticStatus.WARN
     values = {f"model__{name}": value for name, value in MODEL.items()}
