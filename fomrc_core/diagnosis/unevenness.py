@@ -25,7 +25,7 @@ from fomrc_core.diagnosis.remainder import Dependence, DrivenRecord, blocks_of, 
 from fomrc_core.records.sensor_step import sensor_step_um
 from fomrc_core.records.whitening import burg
 
-ON = "how far the drive moves between samples"
+ON = "how far the drive moves between samples, as where a clock jitters or samples are lost"
 _QUIET_SHARE = 1.0 / 3.0  # of the samples, those about which the drive moves least
 _LEAST_BLOCKS = 4
 _MOST_ORDER = 8  # of the whitening filter: a sensor's filter and a slow wander

@@ -23,7 +23,7 @@ if __package__ in (None, ""):
 
 from test.hidden.study_second import SecondSpec, model_of, plan, recording_of
 
-_GROUPS = ("known", "new", "removed", "pairs")
+_GROUPS = ("null", "known", "new", "removed", "pairs", "faults", "forms")
 _FOLDS = 5
 
 
@@ -46,14 +46,19 @@ def _rows_of(spec: SecondSpec) -> list[dict[str, Any]]:
     """Return a row for each name given in a case, one without evidence where there is none."""
     from fomrc_core.diagnosis.belief import evidence_of
     from fomrc_core.diagnosis.diagnosis import diagnose
+    from fomrc_core.errors import RecordingError
     from fomrc_core.model.causes import cause_classes
 
     case = spec.draw()
     train, test, third = (recording_of(record) for record in case.records)
     excluded = [cause for cause in spec.excluded if cause in cause_classes()]
-    found = diagnose(train, test=test, report=third, model=model_of(case), excluded_causes=excluded)
-    print(spec.key, found.status.value, [f.cause for f in found.findings], flush=True)
     none: list[dict[str, Any]] = [{"key": spec.key, "evidence": None}]
+    try:
+        found = diagnose(train, test=test, report=third, model=model_of(case), excluded_causes=excluded)
+    except RecordingError as error:
+        print(spec.key, f"refused: {error}", flush=True)
+        return none
+    print(spec.key, found.status.value, [f.cause for f in found.findings], flush=True)
     last = len(found.findings) - 1
     return [
         {
