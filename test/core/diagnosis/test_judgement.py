@@ -73,3 +73,9 @@ def test_a_record_without_any_noise_is_answered() -> None:
     found = diagnose(Recording(time_s, voltage_v, 2.0 * voltage_v))
     assert found.findings == ()
     assert found.noise_floor_um > 0.0
+
+
+def test_what_nobody_has_shown_to_be_noise_is_unexplained() -> None:
+    found = judge(1.0, False, 50.0, 40.0, 40.0, _NOTHING)
+    assert any("40.0 times the noise from sample to sample" in reason for reason in found.reasons)
+    assert found.unexplained_share == pytest.approx((40.0**2 - 1.0) / (50.0**2 - 1.0))
