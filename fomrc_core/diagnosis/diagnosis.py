@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
-from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, split_data
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
@@ -30,20 +29,20 @@ from fomrc_core.diagnosis.long_search import LongSearch
 from fomrc_core.diagnosis.looked_over import LookedOver
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
+from fomrc_core.diagnosis.prepared import Prepared, best_residual
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unevenness import unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
-from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred, residuals
+from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
 from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
-from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.noise import NoiseFloor, known_noise, noise_floor, rounding_of
+from fomrc_core.records.noise import NoiseFloor, noise_floor, rounding_of
 from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
@@ -225,15 +224,11 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     wanted = {name: kind for name, kind in cause_classes().items() if name not in asked.excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
     tell(0.02, "noise floor")
-    noise = known_noise(looked.train)
-    split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
+    prepared = Prepared.of(looked)
     tell(0.05, "base model")
-    base = base_model(split)
-    again = looked if known is not None else looked.again(_residuals_of_all(base, split))
-    if again is not looked:
-        looked, noise = again, known_noise(again.train)
-        split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
-        base = base_model(split)
+    if known is None:
+        prepared = prepared.looked_again()
+    looked, noise, split, base = prepared.looked, prepared.noise, prepared.split, prepared.base
     start = base if known is None else known.start(base, split, asked.executor)
     found = search(start, split, causes, tell, asked.executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
@@ -279,14 +274,6 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
         judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.unnamed))
     status = judgement.status([f.probability for f in result.findings], bool(result.ambiguous_with))
     return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
-
-
-def _residuals_of_all(base: TrialModel, split: DataSplit) -> list[Array]:
-    """Return what the base model leaves of each record, learnt from or held out [um], in their order."""
-    everything = [HeldOut(record, i) for i, record in enumerate(split.train)]
-    everything += [h for h in (*split.held, *split.report) if h.index >= len(split.train)]
-    found = {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
-    return [_best_start(base, record, index) for index, record in sorted(found.items())]
 
 
 def _result(
@@ -370,8 +357,8 @@ def _views(
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
         # what was read at samples that are not valid is no residual, and is shown as none
         valid = record.recording.valid_samples
-        before = bridged(_best_start(base, record, part.index), valid)
-        after = bridged(_best_start(model, record, part.index), valid)
+        before = bridged(best_residual(base, record, part.index), valid)
+        after = bridged(best_residual(model, record, part.index), valid)
         views.append(
             RecordView(
                 record.recording.name,
@@ -389,11 +376,3 @@ def _views(
             cleaned.append(replace(record.recording, displacement_um=after))
     again = noise_floor(cleaned)
     return tuple(views), max(errors), min(noise.floor_um, again.floor_um)
-
-
-def _best_start(model: TrialModel, record: FitRecord, index: int) -> Array:
-    options = [model]
-    if index < len(model.record_effects) and not model.causes_in(index) and record.voltage_v[0] != 0.0:
-        options.append(model.with_start(index, record.at_rest()))
-    found = [centred(record.measured_um - predict(o, record, index), record.is_used) for o in options]
-    return min(found, key=lambda r: rms(r[record.is_used]))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.records.quality import DataQuality, Examined, examine, examine_residual
+from fomrc_core.records.quality import DataQuality, Examined, Slip, examine, examine_residual, without_slips
 from fomrc_core.records.recording import Recording
 
 
@@ -60,6 +60,19 @@ class LookedOver:
         if not any(e.quality.faults for e in seen):
             return self
         seen = [Examined(e.recording, q.joined(e.quality)) for q, e in zip(self.quality, seen, strict=True)]
+        return self._joined(len(self.train), self.test is not None, seen)
+
+    def without_slips(self, slips: Sequence[Sequence[Slip]]) -> LookedOver:
+        """Return the records with readings that slipped by whole samples where they belong.
+
+        Args:
+            slips: of each record, in the order of ``records``.
+        """
+        seen = []
+        for record, found, quality in zip(self.records, slips, self.quality, strict=True):
+            moved = without_slips(record, found) if found else Examined(record, quality)
+            faults = (*quality.faults, *moved.quality.faults) if found else quality.faults
+            seen.append(Examined(moved.recording, replace(moved.quality, faults=faults)))
         return self._joined(len(self.train), self.test is not None, seen)
 
     @classmethod

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
 
 _N_LISTED = 1000  # samples named one by one in the JSON
-_MARKS = {FaultKind.SPIKES: "x", FaultKind.DROPOUTS: "v", FaultKind.STUCK: "_"}
+_MARKS = {
+    FaultKind.SPIKES: "x",
+    FaultKind.DROPOUTS: "v",
+    FaultKind.STUCK: "_",
+    FaultKind.LOST: "<",
+    FaultKind.DOUBLED: ">",
+}
 
 
 def quality_results(quality: DataQuality) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.long_record import examine_long
+from fomrc_core.records.quality.slips import Slip, find_slips, left_by_lags, without_slips
 
 __all__ = [
     "DataFault",
@@ -15,10 +16,14 @@ __all__ = [
     "Examined",
     "FaultKind",
     "NoisyEnd",
+    "Slip",
     "bridged",
     "drive_part",
     "examine",
     "examine_long",
     "examine_residual",
+    "find_slips",
+    "left_by_lags",
     "noisy_end",
+    "without_slips",
 ]

@@ -19,6 +19,8 @@ class FaultKind(Enum):
     SPIKES = "spikes"
     DROPOUTS = "dropouts"
     STUCK = "stuck sensor"
+    LOST = "lost samples"
+    DOUBLED = "doubled samples"
     GAPS = "missing samples"
     UNEVEN_CLOCK = "uneven clock"
 
@@ -27,9 +29,13 @@ _WORDS = {
     FaultKind.SPIKES: "readings that leave their neighbours on both sides and come back, as no drive makes them",
     FaultKind.DROPOUTS: "readings that jump to one and the same value and back",
     FaultKind.STUCK: "readings that stay exactly the same while the drive goes on, and then jump to where it is",
+    FaultKind.LOST: "readings that are a whole sample early from there on, as where a reader loses one",
+    FaultKind.DOUBLED: "readings that are a whole sample late from there on, as where a reader keeps one twice",
     FaultKind.GAPS: "steps of the clock in which samples are missing",
     FaultKind.UNEVEN_CLOCK: "steps of the clock that are not all alike",
 }
+
+_IN_MICRONS = (FaultKind.SPIKES, FaultKind.DROPOUTS, FaultKind.STUCK)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +47,8 @@ class DataFault:
         samples: samples concerned, rising, shape (n_bad,).
         times_s: their times [s], shape (n_bad,).
         size: of spikes and dropouts the largest jump, of a stuck sensor the largest jump at its release [um]; of
-            missing samples the longest step, of an uneven clock the rms of the steps, in median steps [1].
+            missing samples the longest step, of an uneven clock the rms of the steps, in median steps [1]; of lost and
+            doubled samples their number [1].
         is_masked: whether the samples are left out of every fit and score.
         readings_um: what the sensor read there [um], shape (n_bad,); empty for a clock.
     """
@@ -56,8 +63,10 @@ class DataFault:
     def __str__(self) -> str:
         times = ", ".join(f"{t:.6g}" for t in self.times_s[:_N_TIMES_TOLD])
         more = ", ..." if self.times_s.size > _N_TIMES_TOLD else ""
-        unit = "" if self.kind in (FaultKind.GAPS, FaultKind.UNEVEN_CLOCK) else " um"
+        unit = " um" if self.kind in _IN_MICRONS else ""
         done = "left out" if self.is_masked else "taken as they are"
+        if self.kind in (FaultKind.LOST, FaultKind.DOUBLED):
+            done = "those after them moved to where they belong"
         return (
             f"{self.kind.value}: {self.samples.size} samples, at {times}{more} s, size {self.size:.4g}{unit}; {done} "
             f"({_WORDS[self.kind]})"

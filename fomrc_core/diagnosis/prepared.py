@@ -1,0 +1,118 @@
+"""Records made ready for a search: noise, split and base model, and faults that only a first fit shows, mended.
+
+Samples that were lost or doubled go first: each changes what the base is fitted to, so they are looked for, taken out
+and looked for again while a record gets better by it. A record that is not much better in the end stays as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array
+from fomrc_core.diagnosis.base_model import base_model
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, split_data
+from fomrc_core.diagnosis.looked_over import LookedOver
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.linear_part import centred
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.records.noise import NoiseFloor, known_noise
+from fomrc_core.records.quality import Slip, find_slips, left_by_lags
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import rms
+
+_N_TURNS = 12
+_BETTER = 0.98  # of a record's error: a turn that gains less is the last
+_MUCH_BETTER = 0.5  # of what a record's error was
+_THAN_A_LAG = 0.6  # of what lags of all kinds would leave
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a search begins with.
+
+    Attributes:
+        looked: records, and what was wrong with them.
+        noise: floor known before any model.
+        split: what is learnt from, held out and quoted on.
+        base: the model without causes.
+    """
+
+    looked: LookedOver
+    noise: NoiseFloor
+    split: DataSplit
+    base: TrialModel
+
+    @classmethod
+    def of(cls, looked: LookedOver) -> Prepared:
+        """Return records with their base model as they are."""
+        noise = known_noise(looked.train)
+        split = split_data(looked.train, looked.test, looked.report, noise.floor_um)
+        return cls(looked, noise, split, base_model(split))
+
+    def residuals(self) -> list[Array]:
+        """Return what the base leaves of each record, learnt from or held out [um], in their order."""
+        everything = [HeldOut(record, i) for i, record in enumerate(self.split.train)]
+        everything += [h for h in (*self.split.held, *self.split.report) if h.index >= len(self.split.train)]
+        found = {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
+        return [best_residual(self.base, record, index) for index, record in sorted(found.items())]
+
+    def looked_again(self) -> Prepared:
+        """Return the same with what stands out of the base's residuals mended or left out."""
+        mended = _without_slips(self)
+        again = mended.looked.again(mended.residuals())
+        return mended if again is mended.looked else Prepared.of(again)
+
+
+def best_residual(model: TrialModel, record: FitRecord, index: int) -> Array:
+    """Return what a model leaves of a record [um], begun as it was found or at rest, whichever leaves less."""
+    options = [model]
+    if index < len(model.record_effects) and not model.causes_in(index) and record.voltage_v[0] != 0.0:
+        options.append(model.with_start(index, record.at_rest()))
+    found = [centred(record.measured_um - predict(o, record, index), record.is_used) for o in options]
+    return min(found, key=lambda r: rms(r[record.is_used]))
+
+
+def _without_slips(given: Prepared) -> Prepared:
+    left = given.residuals()
+    before_um = _errors(given.looked.records, left)
+    slips: list[tuple[Slip, ...]] = [() for _ in left]
+    now = given
+    for _ in range(_N_TURNS):
+        found = _better_slips(given, now, slips)
+        if found is None:
+            break
+        now, slips = found
+    if not any(slips):
+        return given
+    after_um = _errors(now.looked.records, now.residuals())
+    for i, record in enumerate(given.looked.records):
+        lagging_um = left_by_lags(record.measured_um, record.measured_um - left[i], record.valid_samples)
+        if after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um):
+            slips[i] = ()
+    return Prepared.of(given.looked.without_slips(slips)) if any(slips) else given
+
+
+def _better_slips(
+    given: Prepared, now: Prepared, slips: list[tuple[Slip, ...]]
+) -> tuple[Prepared, list[tuple[Slip, ...]]] | None:
+    """Return records with other slips taken out, and these; None where no record gets better by it."""
+    is_better = False
+    for i, record in enumerate(given.looked.records):
+        predicted_um = now.looked.records[i].measured_um - now.residuals()[i]
+        found = find_slips(record.measured_um, predicted_um, record.valid_samples)
+        if found in (slips[i], ()):
+            continue
+        others = [*slips[:i], found, *slips[i + 1 :]]
+        trial = Prepared.of(given.looked.without_slips(others))
+        error_um, trial_um = (_errors(p.looked.records, p.residuals())[i] for p in (now, trial))
+        if trial_um < _BETTER * error_um:
+            now, slips, is_better = trial, others, True
+    return (now, slips) if is_better else None
+
+
+def _errors(records: Sequence[Recording], residuals_um: Sequence[Array]) -> list[float]:
+    pairs = [(r.valid_samples, v) for r, v in zip(records, residuals_um, strict=True)]
+    return [rms(v[valid] - np.mean(v[valid])) for valid, v in pairs]

@@ -1,0 +1,168 @@
+"""Samples that a reader lost or kept twice without a trace in the stamps: from there on readings are early, or late.
+
+Where readings are early by whole samples, what a model leaves of them is the motion of so many samples:
+
+    residual = sum_i n_i rate 1[sample >= k_i] + what it would leave,   rate the predicted motion of a sample, n_i = +-1
+
+An offset of the whole record, a constant delay and a gain are a model's to take up, and are taken out first. What is
+left is searched for one slip after another, each moved to where it explains most beside the others. A clock that drifts
+and a stage that lags are no slips: they move readings by all parts of a sample, and ``left_by_lags`` says how well they
+would do.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.records.noise import autocorrelation_inflation
+from fomrc_core.records.quality.examination import Examined, masked_recording
+from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.recording import Recording
+from fomrc_core.records.residual import rms
+
+_MOST = 12  # slips of a record: where more go wrong nobody knows what the rest is worth
+_LEAST_GAIN = 2.0  # times the logarithm of the number of places and signs, in chi square
+_LEAST_SHARE = 0.03  # of what is left: less may be the model's
+_ABOUT = 3  # readings to either side that are left out: the place of a slip is known no better
+_N_ROUNDS = 4  # of moving each slip beside the others
+_LEAST_POWER = 1e-3  # of the motion: a slip before all of it is a delay, one after it has no place
+
+
+@dataclass(frozen=True)
+class Slip:
+    """Readings that are early (lost samples) or late (doubled ones) from one on.
+
+    Attributes:
+        sample: the first reading that is not in its place.
+        n_lost: samples lost there; negative for doubled ones.
+    """
+
+    sample: int
+    n_lost: int
+
+
+def find_slips(displacement_um: Array, predicted_um: Array, valid: Mask) -> tuple[Slip, ...]:
+    """Return where readings slipped by whole samples, in order; none where nothing says so surely.
+
+    Args:
+        displacement_um: readings [um], shape (n_samples,).
+        predicted_um: what a model says of every sample [um], shape (n_samples,).
+        valid: readings that count, shape (n_samples,).
+    """
+    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid)
+    units: list[tuple[int, int]] = []
+    least = _LEAST_GAIN * float(np.log(2.0 * predicted_um.size))
+    left = float(np.sum(fit.left(units) ** 2))
+    while len(units) < _MOST and left > 0.0:
+        more = fit.settled([*units, fit.best(units)])
+        rest = fit.left(more)
+        after = float(np.sum(rest**2))
+        spread = after / np.count_nonzero(valid) * autocorrelation_inflation(rest[valid])
+        if after > (1.0 - _LEAST_SHARE) * left or not left - after >= least * spread:
+            break
+        units, left = more, after
+    total = Counter[int]()
+    for sample, sign in units:
+        total[sample] += sign
+    return tuple(Slip(sample, n) for sample, n in sorted(total.items()) if n != 0)
+
+
+def left_by_lags(displacement_um: Array, predicted_um: Array, valid: Mask) -> float:
+    """Return what is left, rms [um], where no reading slipped; arguments as ``find_slips``.
+
+    Readings may lag by a parabola of time, as with a clock that drifts, and with the acceleration and its change, as
+    behind whatever is slow or rings.
+    """
+    time, rate_um = np.linspace(-1.0, 1.0, predicted_um.size), np.gradient(predicted_um)
+    bent_um = np.gradient(rate_um)
+    others = (time * rate_um, time**2 * rate_um, bent_um, np.gradient(bent_um))
+    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, others)
+    return rms(fit.left([])[valid])
+
+
+def without_slips(recording: Recording, slips: Sequence[Slip]) -> Examined:
+    """Return the record with its readings where they belong, those about a slip left out, and what was wrong.
+
+    Args:
+        recording: with displacement.
+        slips: of ``find_slips``.
+
+    Raises:
+        RecordingError: more than a tenth of the readings do not count.
+    """
+    x, valid = recording.measured_um, recording.valid_samples
+    for slip in sorted(slips, key=lambda s: s.sample, reverse=True):
+        k, n = slip.sample, abs(slip.n_lost)
+        if slip.n_lost > 0:
+            x = np.concatenate((x[:k], np.full(n, x[k]), x[k:]))[: x.size]
+            valid = np.concatenate((valid[:k], np.zeros(n, dtype=np.bool_), valid[k:]))[: x.size]
+        else:
+            x = np.concatenate((x[:k], x[k + n :], np.full(n, x[-1])))
+            valid = np.concatenate((valid[:k], valid[k + n :], np.zeros(n, dtype=np.bool_)))
+        valid[max(k - _ABOUT, 0) : k + max(slip.n_lost, 0) + _ABOUT] = False
+    faults = []
+    for kind, sign in ((FaultKind.LOST, 1), (FaultKind.DOUBLED, -1)):
+        at = np.array([s.sample for s in slips for _ in range(max(sign * s.n_lost, 0))], dtype=np.int64)
+        if at.size:
+            faults.append(DataFault(kind, at, recording.time_s[at], float(at.size), True, recording.measured_um[at]))
+    quality = DataQuality(recording.name, recording.n_samples, tuple(faults), valid)
+    moved = replace(recording, displacement_um=x, is_valid=valid)
+    return Examined(masked_recording(moved, quality), quality)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A residual, the motion of a sample, and what else may be in it, all zero where readings do not count."""
+
+    residual_um: Array
+    rate_um: Array
+    aside: Array
+    powers: Array
+
+    @classmethod
+    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask, beside: Sequence[Array] = ()) -> _Fit:
+        rate_um = np.gradient(predicted_um)
+        moved_um = predicted_um - np.mean(predicted_um)
+        others = [np.ones(predicted_um.size), moved_um, rate_um, *beside]
+        aside, _ = np.linalg.qr(np.column_stack(others) * valid[:, None])
+        rate_um = rate_um * valid
+        powers = _from_here_on(rate_um**2) - np.sum(_from_here_on(aside * rate_um[:, None]) ** 2, axis=1)
+        return cls((residual_um - np.mean(residual_um[valid])) * valid, rate_um, aside, powers)
+
+    def left(self, units: Sequence[tuple[int, int]]) -> Array:
+        """Return what slips of one sample each leave, shape (n_samples,)."""
+        n_early = np.zeros(self.rate_um.size)
+        for sample, sign in units:
+            n_early[sample:] += sign
+        rest = self.residual_um - n_early * self.rate_um
+        return np.asarray(rest - self.aside @ (self.aside.T @ rest))
+
+    def best(self, units: Sequence[tuple[int, int]]) -> tuple[int, int]:
+        """Return place and sign of the slip that takes most beside others: a reader loses or doubles, not both."""
+        along = _from_here_on(self.rate_um * self.left(units))
+        is_weak = self.powers < _LEAST_POWER * float(np.sum(self.rate_um**2))
+        found = []
+        for sign in {sign for _, sign in units} or (-1, 1):
+            change = np.where(is_weak, 0.0, self.powers - 2.0 * sign * along)
+            place = int(np.argmin(change))
+            found.append((float(change[place]), place, sign))
+        return min(found)[1:]
+
+    def settled(self, units: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Return the slips, each where it takes most beside the others."""
+        for _ in range(_N_ROUNDS):
+            before = list(units)
+            for i in range(len(units)):
+                units[i] = self.best(units[:i] + units[i + 1 :])
+            if units == before:
+                break
+        return units
+
+
+def _from_here_on(values: Array) -> Array:
+    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])

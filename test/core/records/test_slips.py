@@ -1,0 +1,86 @@
+"""Samples lost or kept twice without a trace in the stamps are found, and the readings put where they belong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fomrc_core import diagnose
+from fomrc_core.compute.arrays import Array
+from fomrc_core.plants.electromechanical import table1_plant
+from fomrc_core.records.quality import FaultKind, Slip, find_slips, left_by_lags, without_slips
+from fomrc_core.records.recording import Recording
+
+_N = 3000
+_ALL = np.ones(_N, dtype=np.bool_)
+
+
+def _motion(seed: int = 0) -> Array:
+    rng, k = np.random.default_rng(seed), np.arange(_N)
+    lines = rng.uniform(0.0, 0.02, 12)[:, None]
+    return np.asarray(np.sum(np.sin(2.0 * np.pi * (lines * k + rng.uniform(size=(12, 1)))), axis=0))
+
+
+def _lost(readings: Array, places: list[int]) -> Array:
+    return np.pad(np.delete(readings, places), (0, len(places)), mode="edge")
+
+
+def _doubled(readings: Array, places: list[int]) -> Array:
+    return np.insert(readings, places, readings[places])[: readings.size]
+
+
+@pytest.mark.parametrize(("damage", "sign"), [(_lost, 1), (_doubled, -1)])
+def test_slips_are_found_and_the_readings_put_back(damage, sign) -> None:
+    places, moved = [700, 1800, 2100], _motion()
+    noise = 2e-3 * np.random.default_rng(1).normal(size=_N)
+    readings = damage(moved + noise, places)
+    slips = find_slips(readings, moved, _ALL)
+    assert [s.n_lost for s in slips] == [sign] * 3
+    assert [s.sample for s in slips] == pytest.approx(places, abs=3)
+    found = without_slips(Recording(np.arange(_N) * 1.0, moved, readings), slips)
+    valid = found.recording.valid_samples
+    inside = valid & (np.min(np.abs(np.arange(_N)[:, None] - places), axis=1) > 3)
+    assert np.max(np.abs((found.recording.measured_um - moved)[inside])) < 0.02, "a sample of motion is up to 0.3"
+    assert 3 <= np.count_nonzero(~valid) <= 30
+    assert [f.kind for f in found.quality.faults] == [FaultKind.LOST if sign > 0 else FaultKind.DOUBLED]
+    assert "moved to where they belong" in str(found.quality)
+
+
+def test_noise_a_gain_and_a_delay_are_no_slips() -> None:
+    moved = _motion(2)
+    late = np.interp(np.arange(_N) - 0.7, np.arange(_N), moved)
+    for seed in range(20):
+        noise = 1e-2 * np.random.default_rng(seed).normal(size=_N)
+        assert find_slips(1.02 * late + noise + 0.3, moved, _ALL) == ()
+
+
+def test_a_clock_that_drifts_does_better_as_one() -> None:
+    moved = _motion(3)
+    drifted = np.interp(np.arange(_N) * (1.0 - 1e-3), np.arange(_N), moved)
+    slips = find_slips(drifted, moved, _ALL)
+    put_back = without_slips(Recording(np.arange(_N) * 1.0, moved, drifted), slips).recording.measured_um
+    assert left_by_lags(drifted, moved, _ALL) < 0.3 * float(np.std(put_back - moved))
+
+
+@given(st.lists(st.integers(50, _N - 50), min_size=1, max_size=5, unique=True))
+def test_readings_put_back_are_those_that_were_there(places: list[int]) -> None:
+    moved, places = _motion(), sorted(places)
+    # the reading that takes the place of the n-th lost one is n places early
+    slips = tuple(Slip(place - n, 1) for n, place in enumerate(places))
+    found = without_slips(Recording(np.arange(_N) * 1.0, moved, _lost(moved, places)), slips)
+    valid = found.recording.valid_samples
+    np.testing.assert_array_equal(found.recording.measured_um[valid], moved[valid])
+    assert set(places) <= set(np.flatnonzero(~valid))
+
+
+def test_a_diagnosis_says_that_samples_were_lost_and_finds_nothing_else() -> None:
+    time_s = 0.01 * np.arange(3000)
+    drive_v = 1.2 * np.sin(0.9 * time_s) + 0.8 * np.sin(2.3 * time_s + 1.0) + 0.4 * np.sin(7.1 * time_s)
+    noise = 4e-3 * np.random.default_rng(4).normal(size=time_s.size)
+    readings = _lost(table1_plant(20, substep_s=5e-3).simulate(0.01, drive_v) + noise, [900, 2000])
+    found = diagnose(Recording(time_s, drive_v, readings, name="leaky"))
+    (fault,) = (f for q in found.data_quality for f in q.faults if f.kind is FaultKind.LOST)
+    assert list(fault.samples) == pytest.approx([900, 2000], abs=6)
+    assert found.findings == ()
