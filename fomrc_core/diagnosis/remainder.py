@@ -68,6 +68,8 @@ class DrivenRecord:
 def dependences(records: Sequence[DrivenRecord], whitening: Array | None = None) -> tuple[Dependence, ...]:
     """Return what the residual of the records follows from, group by group, and all groups together last.
 
+    Each is what is seen in the whole and in what is quicker than a noise that wanders, whichever is less.
+
     Args:
         records: with the residual of one and the same model.
         whitening: coefficients of the filter that whitens the noise, shape (order + 1,), first 1; without it noise is
@@ -78,10 +80,30 @@ def dependences(records: Sequence[DrivenRecord], whitening: Array | None = None)
     if whitening is not None:
         groups = [{n: lfilter(whitening, [1.0], c - c[0], axis=0) for n, c in own.items()} for own in groups]
         records = [replace(r, residual_um=lfilter(whitening, [1.0], r.residual_um - r.residual_um[0])) for r in records]
+    quick = [replace(r, residual_um=_without_wander(r.residual_um)) for r in records]
+    quick_groups = [{name: _without_wander(columns) for name, columns in own.items()} for own in groups]
+    both = zip(_of_groups(records, groups), _of_groups(quick, quick_groups), strict=True)
+    return tuple(Dependence(a.on, min(a.share, b.share), max(a.p_value, b.p_value)) for a, b in both)
+
+
+def _of_groups(records: Sequence[DrivenRecord], groups: Sequence[dict[str, Array]]) -> list[Dependence]:
     names = tuple(groups[0])
     found = [_dependence(name, records, [g[name] for g in groups]) for name in names]
     joined = [np.column_stack([g[name] for name in names]) for g in groups]
-    return (*found, _dependence("all of these together", records, joined))
+    return [*found, _dependence("all of these together", records, joined)]
+
+
+def _without_wander(values: Array) -> Array:
+    """Return values without their slowest cosines, shape kept.
+
+    Noise that wanders is alike in blocks beside each other: what is learned of it in one holds in the next, whatever
+    the drive does. What follows the drive follows it within two blocks as well.
+    """
+    from scipy.fft import dct, idct  # a part of a second to import, which no node that only drives shall wait for
+
+    spectrum = dct(values, axis=0, norm="ortho")
+    spectrum[: _N_BLOCKS // 2] = 0.0
+    return np.asarray(idct(spectrum, axis=0, norm="ortho"))
 
 
 def _dependence(on: str, records: Sequence[DrivenRecord], columns: list[Array]) -> Dependence:
