@@ -30,7 +30,8 @@ def identify_axes(
     """Identify several axes that share a body, from periodic records.
 
     Columns: time_s, voltage_1_v, ... displacement_1_um, ...; periods one after another, told by --periods or by a
-    column period. Records whose periods disagree are named and left out.
+    column period. Of a rosbag2: a topic voltage and displacement of each axis, or a JointState of all. Records whose
+    periods disagree are named and left out.
     """
     from fomrc_core.identification.axes import AxesOptions, periodic_record
     from fomrc_core.identification.axes import identify_axes as identify

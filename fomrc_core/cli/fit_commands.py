@@ -136,12 +136,13 @@ def diagnose(
 ) -> None:
     """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
 
-    Recordings of several axes (columns voltage_1_v, ..., displacement_1_um, ...) are diagnosed against --model.
+    Recordings of several axes (columns voltage_1_v, ..., displacement_1_um, ..., or topics of each in a bag) are
+    diagnosed against --model.
     Writes diagnosis.json, extended_model.yaml and report.html into the folder.
     """
     from fomrc_core.storage.axes_files import is_axes_recording
 
-    if recordings and is_axes_recording(recordings[0]):
+    if recordings and topics is None and is_axes_recording(recordings[0]):
         if report is not None:
             raise ParameterError("not with several axes", where="--report", value=str(report), allowed="--test")
         return diagnose_several_axes(recordings, output, test, model, periods)

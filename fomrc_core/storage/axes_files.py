@@ -1,4 +1,4 @@
-"""Recordings of several axes (CSV or npz) and models of several axes (YAML, an ``axes:`` block)."""
+"""Recordings of several axes (CSV, npz or rosbag2) and models of several axes (YAML, an ``axes:`` block)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from fomrc_core.errors import ParameterError, StorageError
 from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw, RateRelay
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage.atomic import read_text, write_text
+from fomrc_core.storage.axes_bags import axes_columns_of_bag, is_axes_bag
+from fomrc_core.storage.bags import is_bag
 from fomrc_core.storage.model_files import model_block
 from fomrc_core.storage.plain_yaml import load_yaml
 from fomrc_core.storage.tables import TextTable
@@ -49,17 +51,20 @@ class AxesRecording:
 
 
 def read_axes_recording(path: str | os.PathLike[str], n_periods: int | None = None) -> AxesRecording:
-    """Read columns ``time_s, voltage_1_v ..., displacement_1_um ...`` [, ``period``] of a CSV or npz file.
+    """Read columns ``time_s, voltage_1_v ..., displacement_1_um ...`` [, ``period``] of a CSV, npz or rosbag2.
 
     Args:
-        path: the file.
+        path: the file, or the folder of a rosbag2 (see ``axes_bags.axes_columns_of_bag``).
         n_periods: in the file; from its column ``period`` if left out.
 
     Raises:
         StorageError: whatever is wrong with the file, in one line.
     """
     where = os.fspath(path)
-    columns = _npz(where) if where.endswith(".npz") else _csv(where)
+    if is_bag(where):
+        columns = axes_columns_of_bag(where)
+    else:
+        columns = _npz(where) if where.endswith(".npz") else _csv(where)
     if "time_s" not in columns:
         raise StorageError("no column time_s", where=where, value=",".join(columns), allowed="time_s, voltage_1_v, ...")
     inputs, outputs = _numbered(columns, "voltage", where), _numbered(columns, "displacement", where)
@@ -82,8 +87,10 @@ def read_axes_recording(path: str | os.PathLike[str], n_periods: int | None = No
 
 
 def is_axes_recording(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file has numbered columns, as records of several axes do; False for what cannot be read."""
+    """Return whether a record is one of several axes, by its columns or topics; False for what cannot be read."""
     where = os.fspath(path)
+    if is_bag(where):
+        return is_axes_bag(where)
     try:
         if where.endswith(".npz"):
             names = list(_npz(where))

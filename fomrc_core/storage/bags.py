@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.errors import StorageError
+from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.records.recording import Recording
 
 if TYPE_CHECKING:
@@ -59,17 +60,39 @@ def read_bag(path: str | os.PathLike[str], *, topics: Mapping[str, str] | None =
         RecordingError: what was read is not a usable recording.
     """
     where = os.fspath(path)
+    with opened_bag(path) as reader:
+        chosen = _choose_topics(reader, topics or {}, where)
+        series = {quantity: _read_topic(reader, topic, where) for quantity, topic in chosen.items()}
+    return _aligned(series, where)
+
+
+@contextmanager
+def opened_bag(path: str | os.PathLike[str]) -> Iterator[AnyReader]:
+    """Open a rosbag2 folder; what goes wrong in it meanwhile is told in a line.
+
+    Raises:
+        StorageError: the package rosbags is not there, or the folder is not readable as a bag.
+    """
+    where = os.fspath(path)
     reader_class = _reader_class(where)
     try:
         with reader_class([Path(path)], default_typestore=_typestore()) as reader:
-            chosen = _choose_topics(reader, topics or {}, where)
-            series = {quantity: _read_topic(reader, topic, where) for quantity, topic in chosen.items()}
-    except StorageError:
+            yield reader
+    except FomrcError:
         raise
     except Exception as error:
         # The readers below pass on whatever SQLite, YAML or a decompressor raises on a damaged file.
         raise StorageError(f"cannot be read as a rosbag2 ({_first_line(error)})", where=where) from None
-    return _aligned(series, where)
+
+
+def stamped_messages(reader: AnyReader, topic: str) -> Iterator[tuple[int, Any]]:
+    """Yield each message of a topic with its stamp [ns], or with when it was recorded where it has none."""
+    same_topic = [c for c in reader.connections if c.topic == topic]
+    for of_message, recorded_ns, raw in reader.messages(connections=same_topic):
+        message: Any = reader.deserialize(raw, of_message.msgtype)
+        stamp = message.header.stamp if hasattr(message, "header") else None
+        stamped_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp is not None else 0
+        yield stamped_ns or recorded_ns, message
 
 
 def write_bag(recording: Recording, path: str | os.PathLike[str], *, storage: str = "mcap") -> None:
@@ -170,11 +193,7 @@ def _choose_topics(reader: AnyReader, topics: Mapping[str, str], where: str) -> 
 def _read_topic(reader: AnyReader, connection: Connection, where: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     value_of = _VALUE_OF_TYPE[connection.msgtype]
     stamps_ns, values = [], []
-    same_topic = [c for c in reader.connections if c.topic == connection.topic]
-    for of_message, recorded_ns, raw in reader.messages(connections=same_topic):
-        message: Any = reader.deserialize(raw, of_message.msgtype)
-        stamp = message.header.stamp if hasattr(message, "header") else None
-        stamped_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp is not None else 0
+    for stamp_ns, message in stamped_messages(reader, connection.topic):
         try:
             values.append(float(value_of(message)))
         except IndexError:
@@ -183,7 +202,7 @@ def _read_topic(reader: AnyReader, connection: Connection, where: str) -> tuple[
                 where=where,
                 allowed="JointState with at least one position",
             ) from None
-        stamps_ns.append(stamped_ns or recorded_ns)
+        stamps_ns.append(stamp_ns)
     if not values:
         raise StorageError(f"topic {connection.topic} holds no messages", where=where, allowed="2 or more")
     return np.array(stamps_ns, dtype=np.int64), np.array(values)
