@@ -2,8 +2,8 @@
 
     python -m benchmarks.gap_coupling
 
-Real processes on topics: three compensators, the stage, gap_command and gap_monitor. Each target is held; what counts
-is the mean of the gap at the end of the hold, told as displacements of the axes.
+Real processes on topics: three compensators, the stage, gap_command and gap_monitor. Each target is held until the gap
+rests; what counts is its mean at the end of the hold, told as displacements of the axes.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ CONFIG = REPOSITORY / "config" / "tunable_filter.yaml"
 TARGETS = ((1.0e-6, 0.0, 0.0), (0.2e-6, 60e-6, -40e-6), (-0.8e-6, -50e-6, 50e-6), (0.0, 80e-6, 60e-6))
 _HOLD_S, _LOOK_S = 1.2, 0.5
 _PATIENCE_S = 60.0
+_AT_REST_UM = 2e-3  # between two looks
 
 
 class GapProbe:
@@ -77,11 +78,18 @@ class GapProbe:
         found = []
         for target in targets:
             wanted = np.array(target)
-            end = time.monotonic() + _HOLD_S
-            while time.monotonic() < end:
-                self._command(wanted)
-            seen = [gap for heard_s, gap in self._heard if heard_s > end - _LOOK_S]
-            found.append(1e6 * geometry.displacements_m(np.mean(seen, axis=0) - wanted))
+            begun_s, before = time.monotonic(), np.full(3, np.inf)
+            while True:
+                end_s = time.monotonic() + (_HOLD_S if np.isinf(before[0]) else _LOOK_S)
+                while time.monotonic() < end_s:
+                    self._command(wanted)
+                seen = [gap for heard_s, gap in self._heard if heard_s > end_s - _LOOK_S]
+                off = 1e6 * geometry.displacements_m(np.mean(seen, axis=0) - wanted)
+                # where the machine is busy the way takes longer than the hold
+                if np.max(np.abs(off - before)) < _AT_REST_UM or end_s > begun_s + _PATIENCE_S:
+                    break
+                before = off
+            found.append(off)
             self._heard.clear()
         return np.array(found)
 
