@@ -109,11 +109,11 @@ def rivals_named(parts: Sequence[str]) -> tuple[Rival, ...]:
     """Return the rivals in whose names one of the parts stands, whatever its case.
 
     Raises:
-        ParameterError: a part that stands in none.
+        ParameterError: a part that is empty or stands in none.
     """
     known = all_rivals()
     for part in parts:
-        if not any(part.lower() in rival.name.lower() for rival in known):
+        if not part or not any(part.lower() in rival.name.lower() for rival in known):
             raise ParameterError(
                 "no such model", where="--models", value=part, allowed="parts of: " + "; ".join(r.name for r in known)
             )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,27 @@ class Row:
     inverse: InverseQuality | None
     failure: str = ""
 
+    def to_mapping(self) -> dict[str, Any]:
+        """Return everything as plain numbers and strings, with None for what does not exist."""
+        values = asdict(self)
+        inverse = values.pop("inverse")
+        return _without_nan(values) | {"inverse": None if inverse is None else _without_nan(inverse)}
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any]) -> Row:
+        """Return the row of ``to_mapping``; raises KeyError or TypeError for what is none."""
+        inverse = mapping["inverse"]
+        values = _with_nan({f.name: mapping[f.name] for f in fields(cls) if f.name != "inverse"})
+        return cls(**values, inverse=None if inverse is None else InverseQuality(**_with_nan(inverse)))
+
+
+def _without_nan(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
+
+
+def _with_nan(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: math.nan if v is None else v for k, v in values.items()}
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -92,12 +115,7 @@ class Comparison:
 
     def to_mapping(self) -> dict[str, object]:
         """Return everything as plain numbers, with None for what does not exist."""
-        mapping = asdict(self)
-        for row in mapping["rows"]:
-            for key, value in row.items():
-                if isinstance(value, float) and not math.isfinite(value):
-                    row[key] = None
-        return mapping
+        return _without_nan(asdict(self)) | {"rows": [row.to_mapping() for row in self.rows]}
 
 
 def _inverse_words(inverse: InverseQuality | None) -> str:

@@ -223,9 +223,9 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     """
     wanted = {name: kind for name, kind in cause_classes().items() if name not in asked.excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
-    tell(0.02, "noise floor")
+    tell(0.02, "noise floor and base model")
     prepared = Prepared.of(looked)
-    tell(0.05, "base model")
+    tell(0.05, "what the base model leaves")
     if known is None:
         prepared = prepared.looked_again()
     looked, noise, split, base = prepared.looked, prepared.noise, prepared.split, prepared.base

@@ -211,6 +211,10 @@ def test_excite_writes_drives(here: Path, arguments: list[str], n_samples: int) 
             ["compare", "stage.csv", "--test", "stage.csv", "-o", "r", "--models", "neural"],
             "--models: no such model, got",
         ),
+        (
+            ["compare", "stage.csv", "--test", "stage.csv", "-o", "r", "--models", "preisach,"],
+            "--models: no such model, got",
+        ),
         (["reproduce", "-o", "stage.csv"], "--output: folder cannot be made"),
         (["excite"], "Usage: fomrc excite"),
         (["excite", "square", "-o", "x.csv"], "No such command"),
