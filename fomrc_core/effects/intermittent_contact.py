@@ -112,6 +112,7 @@ class IntermittentContact(Effect):
             ),
             state=(StateField("touches", kind=FieldKind.COUNT, comment="whether the stage touches"),),
             forward=_touch,
+            jumps=("forward",) if self.adhesion_um > 0.0 else (),
         )
 
     @classmethod
