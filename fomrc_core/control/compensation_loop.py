@@ -149,6 +149,18 @@ class CompensationLoop:
         driven_um = None if self._previewed is None else self._previewed.driven_ahead(n_steps)
         return np.full(n_steps, self.target_um) if driven_um is None else driven_um
 
+    def voltages_ahead(self, n_steps: int) -> Array:
+        """Return what the next steps would put out [V], (n_steps,), were the target held and nothing limited."""
+        state, correction_um = self.memory.state, self.correction_um
+        if self._previewed is not None:
+            voltages_v = self._previewed.voltages_ahead(state, n_steps, correction_um, self.cross)
+            if voltages_v is not None:
+                return voltages_v
+        target_um = math.nan if self.target_um is None else self.target_um
+        steps_s, goal_um = np.full(n_steps, self.settings.period_s), np.full(n_steps, target_um + correction_um)
+        beside = None if math.isnan(self.cross) else np.full(n_steps, self.cross)
+        return self.compensator.run(steps_s, goal_um, state.copy(), cross=beside)
+
     def forget_target(self) -> None:
         """Drop the target: nothing is followed before the next one."""
         self.target_um = self._trajectory = None

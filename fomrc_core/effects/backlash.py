@@ -12,7 +12,6 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
-
 # Of the gap: a smaller move is what rounding makes of rest, on which no jump across the gap must hang.
 _NOTHING = 1e-10
 

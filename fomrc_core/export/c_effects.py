@@ -15,7 +15,6 @@ from fomrc_core.export.template import read_template, render
 from fomrc_core.export.translation import FAILURE, Surroundings, Translated, helper_function, step_function
 
 
-
 def declarations(fields: Iterable[StateField], plan: ExportPlan) -> str:
     """Return the fields of a struct."""
     real = "double" if plan.is_wide else f"{plan.options.name}_real"

@@ -94,8 +94,8 @@ def _accuracy(plan: ExportPlan) -> str:
     if plan.is_wide:
         names = " or ".join(f"`{name}`" for name in plan.jumping)
         return (
-            "Inputs and answers are single precision and agree with the Python model to 1e-5 of the largest (self-test). "
-            "Between them all is computed in double, and so is the state: where what comes before it changes ever so "
+            "Inputs and answers are single precision and agree with the Python model to 1e-5 of the largest "
+            "(self-test). Between them all is computed in double, and so is the state: where what comes before it changes ever so "
             f"little, {names} may jump, and in single precision would do so a sample earlier or later. A processor "
             "without double precision takes accordingly longer."
         )
