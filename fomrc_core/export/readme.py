@@ -95,9 +95,9 @@ def _accuracy(plan: ExportPlan) -> str:
         names = " or ".join(f"`{name}`" for name in plan.jumping)
         return (
             "Inputs and answers are single precision and agree with the Python model to 1e-5 of the largest "
-            "(self-test). Between them all is computed in double, and so is the state: where what comes before it changes ever so "
-            f"little, {names} may jump, and in single precision would do so a sample earlier or later. A processor "
-            "without double precision takes accordingly longer."
+            "(self-test). Between them all is computed in double, and so is the state: where what comes before it "
+            f"changes ever so little, {names} may jump, and in single precision would do so a sample earlier or later. "
+            "A processor without double precision takes accordingly longer."
         )
     lines = [
         "Numbers are single precision: answers agree with the Python model to 1e-5 of the largest (self-test). What "

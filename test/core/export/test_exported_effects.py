@@ -81,7 +81,7 @@ def test_all_effects_together_over_sweeps_jumps_and_rests(precision, way) -> Non
 @pytest.mark.parametrize("precision", list(Precision))
 @pytest.mark.parametrize("effects", [(DeadZone(0.005),), (AmplifierBandwidth(80.0), DeadZone(0.005))])
 def test_an_inverse_that_jumps_at_zero_volts_does_so_with_python(precision, effects) -> None:
-    # Half of the targets are those of zero volts: in single precision they leave 1e-8 V of either sign, in double 1e-17.
+    # Half of the targets are those of zero volts: single precision leaves 1e-8 V of either sign, double 1e-17.
     steps, voltage = jumping_drive(6000)
     voltage[::2] = 0.0
     values = replace(PLAIN, substeps=Substeps.NONE).simulate(steps, voltage)
