@@ -31,6 +31,7 @@ class StageMotion:
         self.arrival, self.feedback = arrival, feedback
         self._motion: PredictedMotion | None = None
         self._stage: DrivenStage | None = None
+        self._has_looked = False  # whether this model is one that is driven by voltages
         self._compensator: Compensator | None = None
         self._memory: ActuatorMemory | None = None
         self._wanted_um = math.nan
@@ -65,16 +66,19 @@ class StageMotion:
         if loop.compensator is not self._compensator or loop.memory is not self._memory or self._motion is None:
             self._compensator, self._memory = loop.compensator, loop.memory
             self._motion = PredictedMotion(late_effects(loop.compensator, loop.preview), loop.position_um)
-            self._stage = None
+            self._stage, self._has_looked = None, False
         if loop.moves:
             steps_s = np.array([move.step_s for move in loop.moves])
             driven_um = np.array([move.desired_um for move in loop.moves]) - loop.correction_um
             self._motion.advance(steps_s, driven_um)
         if self.feedback is not None:
             self.feedback.note_reference(now_s, self._motion.displacement_um)
-        if self.arrival is not None:
-            if self._stage is None and DrivenStage.knows(loop.compensator, loop.preview):
-                self._stage = DrivenStage(loop.compensator, loop.preview, loop.memory, loop.position_um, loop.voltage_v)
+        if self.arrival is None:
+            self._stage, self._has_looked = None, False
+        else:
+            if not self._has_looked:
+                self._has_looked = True
+                self._stage = _driven_stage(loop)
             elif self._stage is not None:
                 self._stage.note(loop.moves)
             self._judge_arrival(self.arrival, self._motion, loop, now_s)
@@ -108,3 +112,10 @@ class StageMotion:
             return np.append(motion.displacement_um, ahead_um)
         ahead_um = self._stage.ahead(period_s, loop.voltages_ahead(n_steps))
         return np.append(self._stage.displacement_um, ahead_um) - loop.correction_um
+
+
+def _driven_stage(loop: CompensationLoop) -> DrivenStage | None:
+    """Return the stage as it rests now; None for a model that is not driven by voltages."""
+    if not DrivenStage.knows(loop.compensator, loop.preview):
+        return None
+    return DrivenStage(loop.compensator, loop.preview, loop.memory, loop.position_um, loop.voltage_v)
