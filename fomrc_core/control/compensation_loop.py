@@ -144,22 +144,10 @@ class CompensationLoop:
         followed_um = None if self._previewed is None else self._previewed.desired_um
         return self.target_um if followed_um is None else followed_um
 
-    def driven_ahead(self, n_steps: int) -> Array:
-        """Return where the stage is to be driven in the next steps [um], (n_steps,), were the target held."""
-        driven_um = None if self._previewed is None else self._previewed.driven_ahead(n_steps)
-        return np.full(n_steps, self.target_um) if driven_um is None else driven_um
-
-    def voltages_ahead(self, n_steps: int) -> Array:
-        """Return what the next steps would put out [V], (n_steps,), were the target held and nothing limited."""
-        state, correction_um = self.memory.state, self.correction_um
-        if self._previewed is not None:
-            voltages_v = self._previewed.voltages_ahead(state, n_steps, correction_um, self.cross)
-            if voltages_v is not None:
-                return voltages_v
-        target_um = math.nan if self.target_um is None else self.target_um
-        steps_s, goal_um = np.full(n_steps, self.settings.period_s), np.full(n_steps, target_um + correction_um)
-        beside = None if math.isnan(self.cross) else np.full(n_steps, self.cross)
-        return self.compensator.run(steps_s, goal_um, state.copy(), cross=beside)
+    @property
+    def previewed(self) -> PreviewedTarget | None:
+        """The target with its future, None where targets are followed at once."""
+        return self._previewed
 
     def forget_target(self) -> None:
         """Drop the target: nothing is followed before the next one."""

@@ -14,6 +14,7 @@ from fomrc_core.control.driven_stage import DrivenStage
 from fomrc_core.control.feedback import Feedback
 from fomrc_core.control.loop_account import Activity
 from fomrc_core.control.predicted_motion import PredictedMotion, late_effects
+from fomrc_core.control.steps_ahead import driven_ahead, voltages_ahead
 from fomrc_core.model.compensator import Compensator
 
 _FOLLOWING = (Activity.TRACKING, Activity.HOLDING)
@@ -107,10 +108,10 @@ class StageMotion:
         """Return the displacement now and in the steps to come [um], without what a sensor adds, (n_horizon + 1,)."""
         n_steps, period_s = self._n_horizon(loop), loop.settings.period_s
         if self._stage is None:
-            driven_um = loop.driven_ahead(n_steps)
+            driven_um = driven_ahead(loop, n_steps)
             ahead_um = motion.ahead(np.full(driven_um.size, period_s), driven_um)
             return np.append(motion.displacement_um, ahead_um)
-        ahead_um = self._stage.ahead(period_s, loop.voltages_ahead(n_steps))
+        ahead_um = self._stage.ahead(period_s, voltages_ahead(loop, n_steps))
         return np.append(self._stage.displacement_um, ahead_um) - loop.correction_um
 
 
