@@ -55,6 +55,8 @@ def agreement(n: int = 1_000_000) -> list[Row]:
     every = read_model(EVERY_EFFECT)
     plain = replace(table_1(), substeps=every.substeps)
     models = {"paper's model": table_1(), "with every effect": every}
+    smooth = [effect for effect in every.effects if not effect.step_form(STEP_S).jumps]
+    models["with every effect that does not jump"] = plain.with_effects(*smooth)
     models |= {f"with {effect.name}": plain.with_effects(effect) for effect in every.effects}
     steps, voltage = jumping_drive(n)
     desired = table_1().simulate(steps, voltage)
@@ -76,7 +78,6 @@ def agreement(n: int = 1_000_000) -> list[Row]:
 
 def _told(error: np.ndarray, bar: float) -> str:
     n_beyond = int(np.count_nonzero(error > bar))
-    # An inverse that jumps (across a dead zone) jumps a sample earlier or later where the precision is less.
     return f"{np.max(error):.1e}" + (
         f" ({n_beyond} samples beyond, the others {np.sort(error)[-n_beyond - 1]:.1e})" if n_beyond else ""
     )

@@ -144,10 +144,10 @@ class CompensationLoop:
         followed_um = None if self._previewed is None else self._previewed.desired_um
         return self.target_um if followed_um is None else followed_um
 
-    def driven_ahead(self, n_steps: int) -> Array:
-        """Return where the stage is to be driven in the next steps [um], (n_steps,), were the target held."""
-        driven_um = None if self._previewed is None else self._previewed.driven_ahead(n_steps)
-        return np.full(n_steps, self.target_um) if driven_um is None else driven_um
+    @property
+    def previewed(self) -> PreviewedTarget | None:
+        """The target with its future, None where targets are followed at once."""
+        return self._previewed
 
     def forget_target(self) -> None:
         """Drop the target: nothing is followed before the next one."""

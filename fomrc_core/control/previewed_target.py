@@ -35,6 +35,13 @@ class PreviewedTarget:
         is_followed = window is not None and window.is_followed
         return self.preview.driven_ahead(window, n_steps) if window is not None and is_followed else None
 
+    def voltages_ahead(self, state: ModelState, n_steps: int, correction_um: float, cross: float) -> Array | None:
+        """Return the voltages of steps to come [V], (n_steps,), the newest target held; None where none is followed."""
+        window = self._window
+        if window is None or not window.is_followed:
+            return None
+        return self.preview.voltages_ahead(state, window, n_steps, correction_um, cross)
+
     def restart(self) -> None:
         """Forget everything: the memory has changed otherwise than by following."""
         self._window = None

@@ -6,12 +6,15 @@ import math
 
 import numpy as np
 
+from fomrc_core.compute.arrays import Array
 from fomrc_core.control.actuator_memory import ActuatorMemory
 from fomrc_core.control.arrival import HORIZON_S, Arrival
 from fomrc_core.control.compensation_loop import CompensationLoop
+from fomrc_core.control.driven_stage import DrivenStage
 from fomrc_core.control.feedback import Feedback
 from fomrc_core.control.loop_account import Activity
 from fomrc_core.control.predicted_motion import PredictedMotion, late_effects
+from fomrc_core.control.steps_ahead import driven_ahead, voltages_ahead
 from fomrc_core.model.compensator import Compensator
 
 _FOLLOWING = (Activity.TRACKING, Activity.HOLDING)
@@ -28,6 +31,8 @@ class StageMotion:
     def __init__(self, arrival: Arrival | None, feedback: Feedback | None) -> None:
         self.arrival, self.feedback = arrival, feedback
         self._motion: PredictedMotion | None = None
+        self._stage: DrivenStage | None = None
+        self._has_looked = False  # whether this model is one that is driven by voltages
         self._compensator: Compensator | None = None
         self._memory: ActuatorMemory | None = None
         self._wanted_um = math.nan
@@ -62,13 +67,21 @@ class StageMotion:
         if loop.compensator is not self._compensator or loop.memory is not self._memory or self._motion is None:
             self._compensator, self._memory = loop.compensator, loop.memory
             self._motion = PredictedMotion(late_effects(loop.compensator, loop.preview), loop.position_um)
+            self._stage, self._has_looked = None, False
         if loop.moves:
             steps_s = np.array([move.step_s for move in loop.moves])
             driven_um = np.array([move.desired_um for move in loop.moves]) - loop.correction_um
             self._motion.advance(steps_s, driven_um)
         if self.feedback is not None:
             self.feedback.note_reference(now_s, self._motion.displacement_um)
-        if self.arrival is not None:
+        if self.arrival is None:
+            self._stage, self._has_looked = None, False
+        else:
+            if not self._has_looked:
+                self._has_looked = True
+                self._stage = _driven_stage(loop)
+            elif self._stage is not None:
+                self._stage.note(loop.moves)
             self._judge_arrival(self.arrival, self._motion, loop, now_s)
 
     @staticmethod
@@ -86,9 +99,24 @@ class StageMotion:
         if loop.limited_by_v:
             arrival.forget_prediction()
         elif arrival.needs_prediction:
-            driven_um = loop.driven_ahead(self._n_horizon(loop))
-            steps_s = np.full(driven_um.size, loop.settings.period_s)
-            displacement_um = np.append(motion.displacement_um, motion.ahead(steps_s, driven_um))
+            displacement_um = self._displacement_ahead(motion, loop)
             arrival.predict(now_s, loop.settings.period_s * np.arange(float(displacement_um.size)), displacement_um)
         if self.feedback is None or not self.feedback.is_closed:
             arrival.judge_predicted(now_s)
+
+    def _displacement_ahead(self, motion: PredictedMotion, loop: CompensationLoop) -> Array:
+        """Return the displacement now and in the steps to come [um], without what a sensor adds, (n_horizon + 1,)."""
+        n_steps, period_s = self._n_horizon(loop), loop.settings.period_s
+        if self._stage is None:
+            driven_um = driven_ahead(loop, n_steps)
+            ahead_um = motion.ahead(np.full(driven_um.size, period_s), driven_um)
+            return np.append(motion.displacement_um, ahead_um)
+        ahead_um = self._stage.ahead(period_s, voltages_ahead(loop, n_steps))
+        return np.append(self._stage.displacement_um, ahead_um) - loop.correction_um
+
+
+def _driven_stage(loop: CompensationLoop) -> DrivenStage | None:
+    """Return the stage as it rests now; None for a model that is not driven by voltages."""
+    if not DrivenStage.knows(loop.compensator, loop.preview):
+        return None
+    return DrivenStage(loop.compensator, loop.preview, loop.memory, loop.position_um, loop.voltage_v)

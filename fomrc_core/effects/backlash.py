@@ -12,6 +12,9 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
+# Of the gap: a smaller move is what rounding makes of rest, on which no jump across the gap must hang.
+_NOTHING = 1e-10
+
 
 @compiled
 def _run_play(state: Array, half_gap: float, values: Array, out: Array) -> None:
@@ -27,10 +30,10 @@ def _undo_play(state: Array, half_gap: float, values: Array, out: Array) -> None
     # state: (position, side of the gap it is pushed from)
     position, side = state[0], state[1]
     for k in range(values.size):
-        if values[k] != position:
+        if abs(values[k] - position) > 2.0 * _NOTHING * half_gap:
             side = 1.0 if values[k] > position else -1.0
             position = values[k]
-        out[k] = position + side * half_gap
+        out[k] = values[k] + side * half_gap
     state[0], state[1] = position, side
 
 
@@ -54,7 +57,7 @@ def _wait(s: Fields, c: Fields, value: float) -> Number:
 
 
 def _cross(s: Fields, c: Fields, value: float) -> Number:
-    if value != s.position:
+    if abs(value - s.position) > c.nothing_um:
         s.is_risen = 1 if value > s.position else 0
         s.has_moved = 1
         s.position = value
@@ -119,7 +122,7 @@ class Backlash(Effect):
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
         return StepForm(
-            constants=(("half_gap", 0.5 * self.gap_um),),
+            constants=(("half_gap", 0.5 * self.gap_um), ("nothing_um", _NOTHING * self.gap_um)),
             state=(
                 StateField("position", comment="[um]"),
                 StateField("is_risen", kind=FieldKind.COUNT, comment="whether it last rose, for the inverse"),
@@ -127,6 +130,7 @@ class Backlash(Effect):
             ),
             forward=_wait,
             inverse=_cross,
+            jumps=("inverse",),
         )
 
     @classmethod

@@ -60,7 +60,7 @@ class DacQuantization(Effect):
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        return StepForm(constants=(("step_v", self.step_v),), forward=_round)
+        return StepForm(constants=(("step_v", self.step_v),), forward=_round, jumps=("forward",))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DacQuantization]:

@@ -16,10 +16,14 @@ def _pass(c: Fields, value: float) -> Number:
     return value - min(max(value, -c.half_width_v), c.half_width_v)
 
 
+# Of the half width: less is what rounding leaves of zero volts, on which no jump must hang.
+_NOTHING = 1e-10
+
+
 def _jump(c: Fields, value: float) -> Number:
-    if value > 0.0:
+    if value > c.nothing_v:
         return value + c.half_width_v
-    if value < 0.0:
+    if value < -c.nothing_v:
         return value - c.half_width_v
     return value
 
@@ -55,11 +59,13 @@ class DeadZone(Effect):
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the drive [V] that passes the wanted voltage."""
-        return values + np.sign(values) * self.half_width_v
+        is_beyond = np.abs(values) > _NOTHING * self.half_width_v
+        return np.asarray(values + np.where(is_beyond, np.sign(values), 0.0) * self.half_width_v)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        return StepForm(constants=(("half_width_v", self.half_width_v),), forward=_pass, inverse=_jump)
+        constants = (("half_width_v", self.half_width_v), ("nothing_v", _NOTHING * self.half_width_v))
+        return StepForm(constants=constants, forward=_pass, inverse=_jump, jumps=("inverse",))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DeadZone]:

@@ -235,6 +235,7 @@ class IntermittentContact(Effect):
                 ),
                 state=(StateField("touches", kind=FieldKind.COUNT, comment="whether the stage touches"),),
                 forward=_touch,
+                jumps=("forward",) if self.adhesion_um > 0.0 else (),
             )
         return StepForm(
             constants=(("opens_s", self.opens_s), ("closes_s", self.closes_s)),

@@ -14,16 +14,16 @@ from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.template import read_template, render
 from fomrc_core.export.translation import FAILURE, Surroundings, Translated, helper_function, step_function
 
-_TYPES = {FieldKind.REAL: "{name}_real", FieldKind.WIDE: "double", FieldKind.COUNT: "uint32_t"}
 
-
-def declarations(fields: Iterable[StateField], name: str) -> str:
+def declarations(fields: Iterable[StateField], plan: ExportPlan) -> str:
     """Return the fields of a struct."""
+    real = "double" if plan.is_wide else f"{plan.options.name}_real"
+    types = {FieldKind.REAL: real, FieldKind.WIDE: "double", FieldKind.COUNT: "uint32_t"}
     lines = []
     for field in fields:
         size = f"[{len(field.initial)}]" if field.is_array else ""
         comment = f" /* {field.comment} */" if field.comment else ""
-        lines.append(f"    {_TYPES[field.kind].format(name=name)} {field.name}{size};{comment}")
+        lines.append(f"    {types[field.kind]} {field.name}{size};{comment}")
     return "\n".join(lines)
 
 
@@ -34,7 +34,7 @@ def state_types(plan: ExportPlan) -> str:
     for part in plan.parts:
         if part.form.state:
             head = f"typedef struct {name}_{part.name} {{"
-            texts.append(f"{head}\n{declarations(part.form.state, name)}\n}} {name}_{part.name};")
+            texts.append(f"{head}\n{declarations(part.form.state, plan)}\n}} {name}_{part.name};")
     return "\n\n".join(["", *texts]) if texts else ""
 
 

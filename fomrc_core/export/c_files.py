@@ -40,6 +40,8 @@ def banner(plan: ExportPlan) -> str:
         "Do not edit: export anew.",
         f"Model checksum (SHA-256): {plan.checksum}",
     ]
+    if plan.is_wide:
+        lines.append(f"Computed in double between its inputs and its answers: {' or '.join(plan.jumping)} may jump.")
     lines += [f"Left out: {cause}." for cause in plan.left_out]
     return "/* " + "\n   ".join(lines) + " */"
 
@@ -51,8 +53,10 @@ def conditions(plan: ExportPlan) -> set[str]:
     is_beside = plan.is_beside
     is_widened = options.is_forward and any(part.form.widening is not None for part in plan.parts)
     holds = {
-        "float": options.precision is Precision.FLOAT,
-        "doubles": options.precision is Precision.DOUBLE or FieldKind.WIDE in kinds,
+        "float": plan.precision is Precision.FLOAT,
+        "float_answers": options.precision is Precision.FLOAT,
+        "wide": plan.is_wide,
+        "doubles": plan.precision is Precision.DOUBLE or FieldKind.WIDE in kinds,
         "counts": FieldKind.COUNT in kinds,
         "forward": options.is_forward,
         "inverse": options.is_inverse,
@@ -81,7 +85,7 @@ def header(plan: ExportPlan) -> str:
     name = plan.options.name
     blocks = {"banner": banner(plan), "identity": _identity(plan), "effect_types": c_effects.state_types(plan)}
     for direction, is_inverse in (("forward", False), ("inverse", True)):
-        lines = [c_effects.declarations(plan.core_fields(is_inverse), name)]
+        lines = [c_effects.declarations(plan.core_fields(is_inverse), plan)]
         lines += [f"    {name}_{part.name} {part.name};" for part in plan.parts_of(is_inverse) if part.form.state]
         blocks[f"{direction}_fields"] = "\n".join(lines)
         blocks[f"{direction}_covariates"] = "".join(
@@ -133,7 +137,7 @@ def _all_fields(plan: ExportPlan) -> Iterator[tuple[str, StateField]]:
 
 
 def _real_size(plan: ExportPlan) -> int:
-    return 4 if plan.options.precision is Precision.FLOAT else 8
+    return 4 if plan.precision is Precision.FLOAT else 8
 
 
 def _covariates(plan: ExportPlan, is_inverse: bool) -> list[str]:
@@ -161,7 +165,7 @@ def _identity(plan: ExportPlan) -> str:
 
 
 def _constants(plan: ExportPlan) -> str:
-    precision, options = plan.options.precision, plan.options
+    precision, options = plan.precision, plan.options
     upper, holds = options.name.upper(), conditions(plan)
     lines = [f"enum {{ N_PLAYS = {plan.n_plays}, N_MODES = {plan.n_modes} }};", ""]
     for prefix, form, condition in (("PLAY", plan.play_form, "plays"), ("STOP", plan.stop_form, "stops")):
@@ -178,7 +182,7 @@ def _constants(plan: ExportPlan) -> str:
         limits = options.limits
         numbers = (limits.minimum_v, limits.maximum_v, limits.slew_v_per_s, limits.safe_v, limits.safe_ramp_v_per_s)
         lines.append(f"#define {upper}_INVERSE_RELAXED {_relaxed(plan, True)}")
-        lines.append(f"#define {upper}_DEFAULT_LIMITS {c_list(numbers, precision)}")
+        lines.append(f"#define {upper}_DEFAULT_LIMITS {c_list(numbers, options.precision)}")
     if plan.is_searching_limits:
         lines.append(f"#define GAIN_UM_PER_V {c_number(1.0 / plan.stop_form.slope, precision)}")
     model_bytes = ", ".join(f"0x{plan.checksum[k : k + 2]}" for k in range(0, 16, 2))
@@ -201,7 +205,7 @@ def _constants(plan: ExportPlan) -> str:
 def _substep_constants(plan: ExportPlan) -> list[str]:
     if plan.steps.counts == (1,):
         return []
-    precision, largest = plan.options.precision, plan.largest_v
+    precision, largest = plan.precision, plan.largest_v
     lines = [
         f"enum {{ N_PARTS_LEAST = {plan.steps.least}, N_PARTS_LARGE = {N_PARTS_LARGE} }};",
         f"#define LARGE_CHANGE {c_number(LARGE_CHANGE * largest, precision)}",
@@ -223,11 +227,11 @@ def _relaxed(plan: ExportPlan, is_inverse: bool) -> str:
             if field.kind is FieldKind.COUNT:
                 text = ", ".join(f"{int(value)}u" for value in field.initial)
             else:
-                wide = Precision.DOUBLE if field.kind is FieldKind.WIDE else plan.options.precision
+                wide = Precision.DOUBLE if field.kind is FieldKind.WIDE else plan.precision
                 text = ", ".join(c_number(value, wide) for value in field.initial)
             stated.append(f".{owner}{field.name} = {f'{{{text}}}' if field.is_array else text}")
     # In C what is not named is zero; a struct must name something.
-    zero = c_number(0.0, plan.options.precision)
+    zero = c_number(0.0, plan.precision)
     return "{" + ", ".join(stated or [f".previous = {zero}"]) + "}"
 
 
@@ -244,7 +248,7 @@ def _fixed_coefficients(plan: ExportPlan) -> str:
 
 
 def _coefficients(plan: ExportPlan, n_parts: int) -> str:
-    precision = plan.options.precision
+    precision = plan.precision
     step_s = plan.options.sample_period_s / n_parts
     gone, weighted, previous, current, now, held = _prepare_creep(
         plan.rates_per_s.tolist(),
@@ -330,7 +334,7 @@ def _setters(plan: ExportPlan, is_inverse: bool) -> str:
 
 
 def _byte_blocks(plan: ExportPlan) -> dict[str, str]:
-    real = "reals" if plan.options.precision is Precision.FLOAT else "doubles"
+    real = "reals" if plan.precision is Precision.FLOAT else "doubles"
     kinds = {FieldKind.REAL: real, FieldKind.WIDE: "doubles", FieldKind.COUNT: "counts"}
     blocks = {}
     for direction, is_inverse in (("forward", False), ("inverse", True)):

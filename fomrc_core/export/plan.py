@@ -92,6 +92,30 @@ class ExportPlan:
         """Whether a limited inverse searches for the displacement: it does where there are effects to undo."""
         return any(part.is_inverted for part in self.parts)
 
+    @property
+    def jumping(self) -> tuple[str, ...]:
+        """Effects whose answer jumps with what is computed before them; with what comes in they jump as in double."""
+        names: list[str] = []
+        if self.options.is_forward:
+            # what holds its input hands on what came in
+            computing = [part for part in self.parts if not part.is_holding]
+            names += [part.name for part in computing[1:] if "forward" in part.form.jumps]
+        if self.options.is_inverse:
+            undone = [part for part in reversed(self.parts) if part.is_inverted]
+            is_first = bool(undone) and undone[0].stage >= Stage.MECHANICAL
+            names += [part.name for part in (undone[1:] if is_first else undone) if "inverse" in part.form.jumps]
+        return tuple(names)
+
+    @property
+    def precision(self) -> Precision:
+        """Precision the steps compute in: that of the answers, but double where an effect jumps."""
+        return Precision.DOUBLE if self.jumping else self.options.precision
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether answers in single precision are computed in double."""
+        return self.precision is not self.options.precision
+
     def parts_of(self, is_inverse: bool) -> tuple[EffectPart, ...]:
         """Return the effects of a direction."""
         return tuple(part for part in self.parts if part.is_inverted or not is_inverse)
@@ -111,7 +135,7 @@ class ExportPlan:
             StateField("plays", (0.0,) * self.n_plays, is_array=True, comment=plays_unit),
             StateField("modes", modes, is_array=True, comment="of creep"),
         ]
-        if self.options.precision is Precision.FLOAT:
+        if self.precision is Precision.FLOAT:
             fields.append(StateField("lost", modes, is_array=True, comment="digits of the modes that float has not"))
         fields += [
             StateField("previous", comment="input of creep at the last step [um]"),

@@ -55,7 +55,7 @@ def _memory(plan: ExportPlan, ways: list[str]) -> str:
     for way in ways:
         n_bytes = n_state_bytes(plan, way == "inverse")
         lines.append(f"| state, {way} (one for each actuator; saved: 24 more) | {n_bytes} |")
-    real_bytes = 4 if plan.options.precision is Precision.FLOAT else 8
+    real_bytes = 4 if plan.precision is Precision.FLOAT else 8
     table = real_bytes * (4 * plan.n_modes + 2)
     lines.append(f"| stack of a step of any length, for its coefficients | {table} |")
     lines.append(f"| tables of constants: creep at the sample time | {table} |")
@@ -91,13 +91,18 @@ def _worst_case(plan: ExportPlan) -> str:
 def _accuracy(plan: ExportPlan) -> str:
     if plan.options.precision is Precision.DOUBLE:
         return "Numbers are double precision: answers agree with the Python model to 1e-12 of the largest (self-test)."
+    if plan.is_wide:
+        names = " or ".join(f"`{name}`" for name in plan.jumping)
+        return (
+            "Inputs and answers are single precision and agree with the Python model to 1e-5 of the largest "
+            "(self-test). Between them all is computed in double, and so is the state: where what comes before it "
+            f"changes ever so little, {names} may jump, and in single precision would do so a sample earlier or later. "
+            "A processor without double precision takes accordingly longer."
+        )
     lines = [
         "Numbers are single precision: answers agree with the Python model to 1e-5 of the largest (self-test). What "
         "the slow creep modes gain in one step is less than their last digit: it is kept beside them."
     ]
     if plan.parts:
-        lines.append(
-            "Effects compute in double precision, and so do their clocks. Where an answer jumps (across a dead zone, "
-            "at a turn, where contact is lost) it may do so a sample earlier or later than in double."
-        )
+        lines.append("Effects compute in double precision, and so do their clocks.")
     return "\n".join(lines)

@@ -275,6 +275,25 @@ class PreviewInverse:
         first, taps = window.present - self.target_filter.n_behind + 1, self.target_filter.taps
         return np.asarray(np.correlate(targets_um[first : first + n_steps + taps.size - 1], taps, "valid"))
 
+    def voltages_ahead(
+        self, state: ModelState, window: PreviewWindow, n_steps: int, correction_um: float = 0.0, cross: float = np.nan
+    ) -> Array:
+        """Return the voltages of steps to come [V], (n_steps,), the newest target held and nothing limited.
+
+        Args:
+            state: of the core; stays as it is.
+            window: of the last step.
+            n_steps: how many.
+            correction_um: added to where the stage is to go [um].
+            cross: second axis, for effects that use it.
+        """
+        n_seen = n_steps + self.drive_filter.n_ahead
+        moved_um = self.driven_ahead(window, n_seen) + correction_um
+        beside = None if np.isnan(cross) else np.full(n_seen, cross)
+        wanted_v = self.core.run(np.full(n_seen, self.step_s), moved_um, state.copy(), cross=beside)
+        behind_v = window.inner_v[window.inner_v.size - self.drive_filter.n_behind :]
+        return np.asarray(np.correlate(np.concatenate((behind_v, wanted_v)), self.drive_filter.taps, "valid"))
+
     def inner_after(self, window: PreviewWindow, voltage_v: float) -> float:
         """Return what the amplifier makes of a voltage [V] after those of the window [V]."""
         if not self.amplifier:

@@ -78,6 +78,9 @@ class StepForm:
         unwarp: returns the drive ``warp`` turns into this one; not a number where there is none.
         widening: at the hysteresis stage, returns by which factor the elements' thresholds are wider.
         helpers: functions that the others call, their parameters annotated as ``float`` or ``int``.
+        jumps: names of those above (``forward``, ``inverse``) whose answer jumps where what they are given changes ever
+            so little: what comes before them is then computed in double whatever the precision of an export, or they
+            would jump a sample earlier or later.
     """
 
     constants: tuple[tuple[str, float | tuple[float, ...]], ...] = ()
@@ -91,6 +94,7 @@ class StepForm:
     unwarp: StepFunction | None = None
     widening: StepFunction | None = None
     helpers: tuple[StepFunction, ...] = ()
+    jumps: tuple[str, ...] = ()
 
     @property
     def coefficient_sizes(self) -> dict[str, int]:

@@ -65,12 +65,12 @@ static real forward_parts(piezo_forward *state, const coefficients *k, real driv
 @end
 
 #ifndef PIEZO_FIXED_STEP_ONLY
-real piezo_forward_step(piezo_forward *state, real voltage_v, real step_s)
+piezo_real piezo_forward_step(piezo_forward *state, piezo_real voltage_v, piezo_real step_s)
 {
     coefficients k;
     real value = voltage_v;
     if (!is_within(voltage_v, (real)PIEZO_LARGEST_INPUT) || !is_step(step_s)) return NOT_A_NUMBER;
-    if (step_s == (real)PIEZO_SAMPLE_TIME_S) return piezo_forward_step_fixed(state, voltage_v);
+    if (step_s == (piezo_real)PIEZO_SAMPLE_TIME_S) return piezo_forward_step_fixed(state, voltage_v);
 @insert forward_sampled
     {
         const real drive_v = value;
@@ -94,11 +94,11 @@ real piezo_forward_step(piezo_forward *state, real voltage_v, real step_s)
     if (!is_within(value, REAL_MAX)) return NOT_A_NUMBER;
 @end
 @insert forward_sensed
-    return value;
+    return (piezo_real)value;
 }
 #endif
 
-real piezo_forward_step_fixed(piezo_forward *state, real voltage_v)
+piezo_real piezo_forward_step_fixed(piezo_forward *state, piezo_real voltage_v)
 {
     real value = voltage_v;
     if (!is_within(voltage_v, (real)PIEZO_LARGEST_INPUT)) return NOT_A_NUMBER;
@@ -123,6 +123,6 @@ real piezo_forward_step_fixed(piezo_forward *state, real voltage_v)
     if (!is_within(value, REAL_MAX)) return NOT_A_NUMBER;
 @end
 @insert forward_sensed_fixed
-    return value;
+    return (piezo_real)value;
 }
 @insert forward_setters

@@ -108,19 +108,19 @@ static real taken(piezo_inverse *state, const coefficients *k, real desired_um, 
 }
 
 #ifndef PIEZO_FIXED_STEP_ONLY
-real piezo_inverse_step(piezo_inverse *state, real desired_um, real step_s)
+piezo_real piezo_inverse_step(piezo_inverse *state, piezo_real desired_um, piezo_real step_s)
 {
     coefficients k;
     if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !is_step(step_s)) return NOT_A_NUMBER;
-    if (step_s == (real)PIEZO_SAMPLE_TIME_S) return piezo_inverse_step_fixed(state, desired_um);
+    if (step_s == (piezo_real)PIEZO_SAMPLE_TIME_S) return piezo_inverse_step_fixed(state, desired_um);
     prepare(&k, step_s);
-    return taken(state, &k, desired_um, step_s);
+    return (piezo_real)taken(state, &k, desired_um, step_s);
 }
 #endif
 
-real piezo_inverse_step_fixed(piezo_inverse *state, real desired_um)
+piezo_real piezo_inverse_step_fixed(piezo_inverse *state, piezo_real desired_um)
 {
     if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT)) return NOT_A_NUMBER;
-    return taken(state, &FIXED_1, desired_um, (real)PIEZO_SAMPLE_TIME_S);
+    return (piezo_real)taken(state, &FIXED_1, desired_um, (real)PIEZO_SAMPLE_TIME_S);
 }
 @insert inverse_setters

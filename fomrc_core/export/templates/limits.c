@@ -124,32 +124,34 @@ static real ramped(piezo_inverse *state, const coefficients *k, const piezo_limi
 }
 
 #ifndef PIEZO_FIXED_STEP_ONLY
-real piezo_inverse_step_limited(piezo_inverse *state, const piezo_limits *limits, real desired_um, real step_s)
+piezo_real piezo_inverse_step_limited(
+    piezo_inverse *state, const piezo_limits *limits, piezo_real desired_um, piezo_real step_s)
 {
     coefficients k;
     if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !is_step(step_s) || !are_limits(limits))
         return NOT_A_NUMBER;
     prepare(&k, step_s);
-    return limited(state, &k, limits, desired_um, step_s);
+    return (piezo_real)limited(state, &k, limits, desired_um, step_s);
 }
 
-real piezo_inverse_ramp_to_safe(piezo_inverse *state, const piezo_limits *limits, real step_s)
+piezo_real piezo_inverse_ramp_to_safe(piezo_inverse *state, const piezo_limits *limits, piezo_real step_s)
 {
     coefficients k;
     if (!is_step(step_s) || !are_limits(limits)) return NOT_A_NUMBER;
     prepare(&k, step_s);
-    return ramped(state, &k, limits, step_s);
+    return (piezo_real)ramped(state, &k, limits, step_s);
 }
 #endif
 
-real piezo_inverse_step_fixed_limited(piezo_inverse *state, const piezo_limits *limits, real desired_um)
+piezo_real piezo_inverse_step_fixed_limited(
+    piezo_inverse *state, const piezo_limits *limits, piezo_real desired_um)
 {
     if (!is_within(desired_um, (real)PIEZO_LARGEST_INPUT) || !are_limits(limits)) return NOT_A_NUMBER;
-    return limited(state, &FIXED_1, limits, desired_um, (real)PIEZO_SAMPLE_TIME_S);
+    return (piezo_real)limited(state, &FIXED_1, limits, desired_um, (real)PIEZO_SAMPLE_TIME_S);
 }
 
-real piezo_inverse_ramp_to_safe_fixed(piezo_inverse *state, const piezo_limits *limits)
+piezo_real piezo_inverse_ramp_to_safe_fixed(piezo_inverse *state, const piezo_limits *limits)
 {
     if (!are_limits(limits)) return NOT_A_NUMBER;
-    return ramped(state, &FIXED_1, limits, (real)PIEZO_SAMPLE_TIME_S);
+    return (piezo_real)ramped(state, &FIXED_1, limits, (real)PIEZO_SAMPLE_TIME_S);
 }

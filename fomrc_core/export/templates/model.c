@@ -10,21 +10,32 @@
 #error "input that is not a number could not be told: compile without -ffast-math"
 #endif
 
+@if wide
+/* What comes in and goes out is float, what is computed between is double: where an effect jumps, float would jump a
+   sample earlier or later. */
+typedef double real;
+@end
+@if not wide
 typedef piezo_real real;
+@end
 
 @if float
 #define R(number) number##f
 #define EXP expf
 #define POW powf
-#define REAL_MAX FLT_MAX
 @end
 @if not float
 #define R(number) number
 #define EXP exp
 #define POW pow
+@end
+@if float_answers
+#define REAL_MAX FLT_MAX
+@end
+@if not float_answers
 #define REAL_MAX DBL_MAX
 @end
-#define NOT_A_NUMBER ((real)NAN)
+#define NOT_A_NUMBER ((piezo_real)NAN)
 @if searches
 
 /* Where a search ends: what the precision can tell apart. */
@@ -76,9 +87,9 @@ static int is_within(real value, real limit)
 @insert effects
 
 #ifndef PIEZO_FIXED_STEP_ONLY
-static int is_step(real step_s)
+static int is_step(piezo_real step_s)
 {
-    return step_s >= (real)PIEZO_SHORTEST_STEP_S && step_s <= (real)PIEZO_LONGEST_STEP_S;
+    return step_s >= (piezo_real)PIEZO_SHORTEST_STEP_S && step_s <= (piezo_real)PIEZO_LONGEST_STEP_S;
 }
 
 /* Coefficients of any step: the modes are integrated exactly for an input that is linear over it. */

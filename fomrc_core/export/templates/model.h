@@ -11,10 +11,10 @@
 extern "C" {
 #endif
 
-@if float
+@if float_answers
 typedef float piezo_real;
 @end
-@if not float
+@if not float_answers
 typedef double piezo_real;
 @end
 

@@ -10,11 +10,11 @@
 
 typedef piezo_real real;
 
-@if float
+@if float_answers
 #define TOLERANCE 1e-5
 #define TINY 1.0e-30f
 @end
-@if not float
+@if not float_answers
 #define TOLERANCE 1e-12
 #define TINY 1.0e-300
 @end

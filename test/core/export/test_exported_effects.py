@@ -21,11 +21,14 @@ from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.creep_law import CreepLaw
+from fomrc_core.effects.dac_quantization import DacQuantization
+from fomrc_core.effects.dead_zone import DeadZone
 from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import ParameterError
 from fomrc_core.export import Direction, ExportOptions, Language, Precision, export_model, run_self_test
 from fomrc_core.export.self_test import C_FLAGS
@@ -75,6 +78,34 @@ def test_all_effects_together_over_sweeps_jumps_and_rests(precision, way) -> Non
     compiled = Exported(EVERY, options(precision=precision), way)
     for lengths in (None, steps * np.random.default_rng(0).uniform(0.5, 2.0, steps.size)):
         assert np.max(errors_of(compiled, EVERY, lengths, values)) <= BARS[precision]
+
+
+@pytest.mark.parametrize("precision", list(Precision))
+@pytest.mark.parametrize("effects", [(DeadZone(0.005),), (AmplifierBandwidth(80.0), DeadZone(0.005))])
+def test_an_inverse_that_jumps_at_zero_volts_does_so_with_python(precision, effects) -> None:
+    # Half of the targets are those of zero volts: single precision leaves 1e-8 V of either sign, double 1e-17.
+    steps, voltage = jumping_drive(6000)
+    voltage[::2] = 0.0
+    values = replace(PLAIN, substeps=Substeps.NONE).simulate(steps, voltage)
+    model = PLAIN.with_effects(*effects)
+    assert np.count_nonzero(np.abs(Compensator(PLAIN).run(steps, values)) < 1e-12) >= 3000
+    compiled = Exported(model, options(precision=precision), "inverse", flags=("-std=c99", "-O0"))
+    assert np.max(errors_of(compiled, model, None, values)) <= BARS[precision]
+
+
+def test_what_jumps_is_computed_in_double_and_said(tmp_path) -> None:
+    single = options(precision=Precision.FLOAT)
+    export_model(PLAIN.with_effects(DeadZone(0.005)), tmp_path / "both", single)
+    for file_name in ("stage.h", "stage.c"):
+        assert "dead_zone may jump" in (tmp_path / "both" / file_name).read_text()
+    assert "computed in double" in (tmp_path / "both" / "README.md").read_text()
+    forward = replace(single, direction=Direction.FORWARD)
+    export_model(PLAIN.with_effects(DeadZone(0.005)), tmp_path / "forward", forward)
+    assert "may jump" not in (tmp_path / "forward" / "stage.h").read_text()
+    # What comes in is what jumps: nothing was computed before it.
+    held = PLAIN.with_effects(ZeroOrderHold(PERIOD_S), DacQuantization(0.001), IntermittentContact(1.0, 0.1))
+    export_model(held, tmp_path / "held", forward)
+    assert "may jump" not in (tmp_path / "held" / "stage.h").read_text()
 
 
 @pytest.mark.parametrize(("compiler", "precision"), [("gcc", Precision.DOUBLE), ("clang", Precision.FLOAT)])
