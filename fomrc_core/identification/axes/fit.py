@@ -111,11 +111,14 @@ class AxesFit:
         plays &= free
         done = 0
 
+        def within(vector: Array) -> AxesParameters:
+            vector[plays] = np.maximum(vector[plays], LEAST_PLAY_WEIGHT)
+            return start.moved_to(vector)
+
         def stepped(point: _Point, step: Array) -> _Point | None:
             trial = point.parameters.vector()
             trial[free] += step
-            trial[plays] = np.maximum(trial[plays], LEAST_PLAY_WEIGHT)
-            moved = start.moved_to(trial)
+            moved = within(trial)
             return _Point(moved, self.cost(moved)) if is_sound(moved, self.response.step_s) else None
 
         def linearize(point: _Point) -> Linearized[_Point]:
@@ -128,7 +131,7 @@ class AxesFit:
             return Linearized(equations, lambda step: stepped(point, step), np.full(equations.moment.size, np.inf))
 
         trail = self._kept.trail(lambda: self._digest, start.vector(), free, np.array([n_steps, still]))
-        begun = start if trail.vector is None else start.moved_to(trail.vector)
+        begun = within(start.vector()) if trail.vector is None else start.moved_to(trail.vector)
         if trail.is_done:
             return begun
         point = _Point(begun, self.cost(begun))

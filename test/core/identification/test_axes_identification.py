@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,12 @@ from fomrc_core.identification.axes import (
     PeriodicRecord,
     broken_records,
     identify_axes,
+    kept_identification,
     periodic_record,
 )
 from fomrc_core.identification.axes.drive_shape import PLAY_SHARES, DriveShape
+from fomrc_core.identification.axes.fit import AxesFit, AxesProblem
+from fomrc_core.identification.axes.parameters import AxesParameters
 from fomrc_core.identification.axes.response import ResponseFit
 from fomrc_core.identification.axes.starts import empty_parameters
 from test.hidden.axes_truth import NOISE, RATE_HZ, record, stage
@@ -95,3 +99,35 @@ def test_what_cannot_be_learnt_from_is_refused_in_a_line() -> None:
     fewer = periodic_record(u[:, :1], y[:, :1], RATE_HZ, name="fewer", lines=first.lines)
     with pytest.raises(RecordingError, match="fewer: axes or lines differ"):
         identify_axes((first, fewer))
+
+
+def test_an_identification_that_was_stopped_goes_on_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records, path = _records(), tmp_path / "kept"
+    n_done, stop_at, linearised = 0, -1, AxesFit.linearised
+
+    def counted(fit: AxesFit, parameters: AxesParameters) -> AxesProblem:
+        nonlocal n_done
+        n_done += 1
+        if n_done == stop_at:
+            raise KeyboardInterrupt
+        return linearised(fit, parameters)
+
+    monkeypatch.setattr(AxesFit, "linearised", counted)
+    whole = identify_axes(records, _OPTIONS)
+    n_whole, n_done = n_done, 0
+    stop_at = (2 * n_whole) // 3
+    kept = kept_identification(path, records, _OPTIONS)
+    with pytest.raises(KeyboardInterrupt):
+        identify_axes(records, _OPTIONS, None, kept)
+    kept.write()
+    n_done, stop_at = 0, -1
+    resumed = identify_axes(records, _OPTIONS, None, kept_identification(path, records, _OPTIONS))
+    assert np.array_equal(resumed.parameters.vector(), whole.parameters.vector())
+    assert np.array_equal(resumed.errors, whole.errors)
+    assert n_done < 0.5 * n_whole
+    for other in ((records[:3], _OPTIONS), (records, replace(_OPTIONS, n_modes=2))):
+        assert len(kept_identification(path, *other)) == 0
+    path.write_text(path.read_text()[:-100])
+    assert len(kept_identification(path, records, _OPTIONS)) == 0
