@@ -1,4 +1,4 @@
-"""``fomrc identify-axes`` stopped in the middle, and begun again."""
+"""``fomrc identify-axes`` stopped in the middle and begun again; ``compensate`` of several axes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.axes_inverse import N_SAMPLES, targets
+from benchmarks.axes_inverse import RATE_HZ as TARGET_RATE_HZ
+from benchmarks.axes_inverse import stage as ringing_stage
 from fomrc_core.cli.application import run
+from fomrc_core.model.axes import AxesModel
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.storage import write_columns
+from fomrc_core.storage.axes_files import write_axes_model
 from test.hidden.axes_truth import RATE_HZ, record, stage
 
 
@@ -55,3 +62,36 @@ def test_stopped_it_goes_on_where_it_was(here: Path, how: signal.Signals, capsys
     assert "goes on where it stopped" in capsys.readouterr().err
     assert (here / "m.yaml").read_bytes() == (here / "whole.yaml").read_bytes()
     assert not unfinished.exists()
+
+
+def test_several_axes_are_compensated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model, desired_um = ringing_stage(2, 0), targets(2, 100.0, 2.0)
+    write_axes_model(model, "m.yaml")
+    time_s = np.arange(N_SAMPLES) / TARGET_RATE_HZ
+    columns = {"time_s": time_s, "desired_1_um": desired_um[:, 0], "desired_2_um": desired_um[:, 1]}
+    write_columns(columns, "t.csv")
+    words = ["compensate", "-m", "m.yaml", "-i", "t.csv", "-o", "v.csv"]
+    assert run(words) == 0
+    told = capsys.readouterr().err
+    assert "axis 1: voltage between" in told
+    assert "axis 2: 4096 samples at 6400 Hz: largest error by the model" in told
+    names = (tmp_path / "v.csv").read_text().splitlines()[0].split(",")
+    assert names == ["time_s", "voltage_1_v", "voltage_2_v", "desired_1_um", "desired_2_um"]
+    voltage_v = np.loadtxt("v.csv", delimiter=",", skiprows=1)[:, 1:3]
+    moved_um = model.simulate(np.full(N_SAMPLES, 1.0 / TARGET_RATE_HZ), voltage_v)
+    assert np.abs(moved_um - desired_um)[512:-512].max() < 1e-6
+    assert run([*words[:-1], "w.csv", "--max-voltage", "0.5"]) == 2
+    assert "asks for more than the limit" in capsys.readouterr().err
+    assert not (tmp_path / "w.csv").exists()
+    write_columns({"time_s": time_s, "desired_um": desired_um[:, 0]}, "one.csv")
+    assert run(["compensate", "-m", "m.yaml", "-i", "one.csv", "-o", "v.csv"]) == 2
+    assert "one.csv: no column desired_1_um" in capsys.readouterr().err
+    line = PiezoModel(np.array([4.0, 6.0]), np.array([0.5]), 0.01)
+    write_axes_model(AxesModel((line, line), coupling=np.ones((3, 2))), "fewer.yaml")
+    assert run(["compensate", "-m", "fewer.yaml", "-i", "t.csv", "-o", "v.csv"]) == 2
+    assert "model.axes: no inverse, got (3, 2) (allowed: as many outputs as inputs)" in capsys.readouterr().err
+    write_axes_model(AxesModel((line, line), coupling=np.array([[1.0, 0.1], [0.2, 1.0]])), "static.yaml")
+    assert run(["compensate", "-m", "static.yaml", "-i", "t.csv", "-o", "v.csv"]) == 0
