@@ -100,7 +100,7 @@ def identify_axes(
     tell(0.5, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %")
     par, names = with_joints(good, setting, (par, names), (options.n_joints, options.seed), tell)
     tell(0.8, f"error {100.0 * np.sqrt(fit.cost(par)):.2f} %, leaving out what matters least")
-    par, free = pruned(fit, par, par.mask(*names), options.n_parameters_max - drive.n_constants, tell)
+    par, asked, free = pruned(fit, par, par.mask(*names), options.n_parameters_max - drive.n_constants, tell)
     tell(0.98, "standard errors")
     return AxesIdentification(
         model_of(par, drive, reference if n_levels > 1 else None, 1.0 / good[0].rate_hz),
@@ -109,7 +109,7 @@ def identify_axes(
         tuple(record.name for record in broken),
         fit.errors(par),
         tuple(record.name for record in good),
-        standard_errors(fit, par, free),
+        standard_errors(fit, par, asked, free),
     )
 
 

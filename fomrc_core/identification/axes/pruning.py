@@ -32,13 +32,15 @@ _MAY_GO = (
     "static_change",
     "joint",
 )
-_FREE_LOSS = 3e-5  # relative rise of the cost at which a parameter goes even where there is room
+FREE_LOSS = 3e-5  # relative rise of the cost at which a parameter goes even where there is room
 _MOST_LOSS = 0.01  # relative rise of the cost by all of these
 _ROUND = 0.25  # share of what is to go in one round
 
 
-def pruned(fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Progress) -> tuple[AxesParameters, Mask]:
-    """Return parameters, and what of them is free at the end.
+def pruned(
+    fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Progress
+) -> tuple[AxesParameters, Mask, Mask]:
+    """Return parameters, what of them could have been free, and what is at the end.
 
     Args:
         fit: whose cost counts.
@@ -48,7 +50,7 @@ def pruned(fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Prog
         tell: told share and text.
     """
     par = par.in_one_gauge()
-    free = free & ~_gauge(par)
+    asked = free = free & ~_gauge(par)
     par = fit.fitted(par, free, n_steps=3, still=3e-4)
     problem = fit.linearised(par)
     while True:
@@ -70,7 +72,7 @@ def pruned(fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Prog
         if over <= 0:
             break
     par = fit.fitted(par, free, n_steps=6, still=2e-4)
-    return par, free
+    return par, asked, free
 
 
 def _gauge(par: AxesParameters) -> Mask:
@@ -98,7 +100,7 @@ def _leaving(par: AxesParameters, free: Mask, problem: AxesProblem, n_least: int
     while True:
         loss = np.where(may, y**2 / np.maximum(np.diag(inverse), 1e-12), np.inf)
         k = int(np.argmin(loss))
-        if not np.isfinite(loss[k]) or (loss[k] > _FREE_LOSS * problem.cost and len(gone) >= n_least):
+        if not np.isfinite(loss[k]) or (loss[k] > FREE_LOSS * problem.cost and len(gone) >= n_least):
             break
         y = y - inverse[:, k] * (y[k] / inverse[k, k])
         inverse = inverse - np.outer(inverse[:, k], inverse[k]) / inverse[k, k]

@@ -4,7 +4,8 @@ What a model leaves is noise of the sensors and, as a rule more, what drives do 
 latter passes the modes like the drive, and is largest where the modes are found. A variance that is the same on all
 lines would make frequencies and damping too sure. On random-phase multisines what is not linear is, from line to line
 and from record to record, as good as independent (Pintelon and Schoukens, System identification, 2012, section 3.4),
-so that each line of each record, with all its outputs, is a cluster of ``clustered_covariance``.
+so that each line of each record, with all its outputs, is a cluster of ``clustered_covariance``. What was left out for
+gaining too little would not have been with other noise: a number is as uncertain as the two models make it together.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.compute.clustered_errors import clustered_covariance, undetermined
+from fomrc_core.compute.clustered_errors import Selection, clustered_covariance, undetermined
 from fomrc_core.identification.axes.fit import AxesFit
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
+from fomrc_core.identification.axes.pruning import FREE_LOSS
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def mode_gains(par: AxesParameters) -> Array:
     return np.asarray(np.linalg.norm(par.output_shape, axis=1) * np.linalg.norm(par.input_shape, axis=1))
 
 
-def standard_errors(fit: AxesFit, par: AxesParameters, free: Mask) -> AxesStandardErrors:
+def standard_errors(fit: AxesFit, par: AxesParameters, asked: Mask, free: Mask) -> AxesStandardErrors:
     """Return the standard errors of fitted parameters.
 
     A part of a sample more delay, with all phases of shapes free and all direct coupling, is other phases and another
@@ -69,7 +71,8 @@ def standard_errors(fit: AxesFit, par: AxesParameters, free: Mask) -> AxesStanda
     Args:
         fit: to all the records learnt from.
         par: the parameters it came to.
-        free: which entries of their vector were fitted.
+        asked: which entries of their vector could have been fitted.
+        free: which were to the end; the others were left out as ``pruning`` does.
     """
     gram = fit.linearised(par).equations.gram
     each = np.full(free.size, np.nan)
@@ -77,8 +80,11 @@ def standard_errors(fit: AxesFit, par: AxesParameters, free: Mask) -> AxesStanda
     if free[delay] and undetermined(gram[np.ix_(free, free)])[int(free[:delay].sum())]:
         each[delay] = np.inf
         free = free & ~par.mask("delay_s")
+    asked = asked & (free | ~par.mask("delay_s"))
+    selection = Selection(free[asked], FREE_LOSS * fit.cost(par))
     covariance = np.zeros((free.size, free.size))
-    covariance[np.ix_(free, free)] = clustered_covariance(gram[np.ix_(free, free)], _lines(fit, par, free))
+    found = clustered_covariance(gram[np.ix_(asked, asked)], _lines(fit, par, asked), selection)
+    covariance[np.ix_(free, free)] = found
     each[free] = np.sqrt(np.diag(covariance)[free])
     of = {name: each[at] for name, at in par.places().items()}
     return AxesStandardErrors(
@@ -98,18 +104,18 @@ def standard_errors(fit: AxesFit, par: AxesParameters, free: Mask) -> AxesStanda
     )
 
 
-def _lines(fit: AxesFit, par: AxesParameters, free: Mask) -> Iterator[tuple[Array, Array]]:
-    """Yield of each record columns (K, 2 O, n_free) and residuals (K, 2 O) of its lines."""
+def _lines(fit: AxesFit, par: AxesParameters, asked: Mask) -> Iterator[tuple[Array, Array]]:
+    """Yield of each record columns (K, 2 O, n_asked) and residuals (K, 2 O) of its lines."""
     response = fit.response
     for r, record in enumerate(response.records):
         left = record.displacement - response.spectrum(par, r)
         n_out, n_lines = left.shape
-        columns = np.zeros((n_lines, 2, n_out, free.size))
+        columns = np.zeros((n_lines, 2, n_out, asked.size))
         for o, derivatives, at in response.derivatives(par, r):
             columns[:, 0, o, at] = derivatives.real * fit.weights[r, o]
             columns[:, 1, o, at] = derivatives.imag * fit.weights[r, o]
         rest = np.stack([left.real.T, left.imag.T], axis=1) * fit.weights[r]
-        yield columns[..., free].reshape(n_lines, 2 * n_out, -1), rest.reshape(n_lines, 2 * n_out)
+        yield columns[..., asked].reshape(n_lines, 2 * n_out, -1), rest.reshape(n_lines, 2 * n_out)
 
 
 def _gain_errors(par: AxesParameters, covariance: Array) -> Array:
