@@ -46,8 +46,10 @@ def identify_axes(
     from fomrc_core.storage.axes_files import read_axes_recording, write_axes_model
 
     outputs = {"--output": output} if json_file is None else {"--output": output, "--json": json_file}
-    unfinished = None if is_pipe_or_device(output) else output.with_name(f"{output.name}.unfinished")
-    check_outputs(outputs if unfinished is None else {**outputs, "--output (unfinished)": unfinished}, recordings)
+    check_outputs(outputs, recordings)
+    unfinished = None if is_pipe_or_device(output) else Path(f"{output}.unfinished")
+    if unfinished is not None:
+        check_outputs({**outputs, "--output (.unfinished)": unfinished}, recordings)
     options = AxesOptions(n_modes=_mode_count(modes), n_parameters_max=parameters)
     records, lines = [], None
     for path in recordings:
