@@ -25,6 +25,8 @@ _LEAST_DAMPING = 1e-7
 _FELT_DAMPING = 1e-4
 # Of the least gain: a step that promises less, after one was refused, is rounding.
 _PROMISED = 1e-2
+# After a first refusal, and twice as much after each further one (Nielsen, 1999: Damping parameter in Marquardt's
+# method): where many follow one another the right damping is far away.
 _RAISED_BY, _LOWERED_BY = 8.0, 6.0
 # Of the largest power: a direction that changes the residual by a ten billionth of the strongest does not act.
 _IDLE = 1e-20
@@ -158,6 +160,7 @@ def _better(
     tried in any case, for where the residual bends a step may gain more than it promises.
     """
     is_refused = False
+    raised_by = _RAISED_BY
     while damping < _LARGEST_DAMPING:
         whole = damped_step(linearized.equations, damping)
         step = np.clip(whole, -linearized.longest_step, linearized.longest_step)
@@ -170,7 +173,8 @@ def _better(
             return trial, damping
         if not step.size:  # nothing that damping could shorten
             break
-        damping, is_refused = max(damping, _FELT_DAMPING) * _RAISED_BY, True
+        damping, is_refused = max(damping, _FELT_DAMPING) * raised_by, True
+        raised_by *= 2.0
     return None, damping
 
 

@@ -86,7 +86,11 @@ class Candidate:
 
 
 def candidates_for(
-    present: PresentModel, split: DataSplit, screened: tuple[Screened, ...], executor: Executor | None
+    present: PresentModel,
+    split: DataSplit,
+    screened: tuple[Screened, ...],
+    executor: Executor | None,
+    standing: Candidate | None = None,
 ) -> list[Candidate]:
     """Return the likely causes after their joint refits, the most gaining first.
 
@@ -95,23 +99,31 @@ def candidates_for(
         split: records.
         screened: the screening's trial instances.
         executor: runs refits side by side where given.
+        standing: whose place they are asked for, at rest already: who is far behind it is not followed to the end.
     """
-    return refitted(present, split, worth_a_refit(present, split, screened), executor)
+    return refitted(present, split, worth_a_refit(present, split, screened), executor, standing)
 
 
 def refitted(
-    present: PresentModel, split: DataSplit, by_cause: list[list[Screened]], executor: Executor | None
+    present: PresentModel,
+    split: DataSplit,
+    by_cause: list[list[Screened]],
+    executor: Executor | None,
+    standing: Candidate | None = None,
 ) -> list[Candidate]:
     """Return the causes of these trial instances after their joint refits, the most gaining first."""
     run = map if executor is None else executor.map
     begun = [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
     least_um2 = min((first.fits[0][0].squared_error for first in begun), default=math.inf)
+    if standing is not None:
+        least_um2 = min(least_um2, standing.fitted.squared_error)
     tasks = [(present, split, first, least_um2) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
     # no two are compared before they have come to rest
-    best = max((candidate.total_gain for candidate in found), default=0.0)
+    compared = found if standing is None else [*found, standing]
+    best = max((candidate.total_gain for candidate in compared), default=0.0)
     near = [_is_open(candidate, best) for candidate in found]
-    if sum(near) > 1:
+    if sum(near) > (1 if standing is None else 0):
         rest = [(present, split, candidate) for candidate, is_near in zip(found, near, strict=True) if is_near]
         found = [candidate for candidate, is_near in zip(found, near, strict=True) if not is_near]
         found += run(_at_rest, rest)
@@ -183,7 +195,7 @@ def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
 def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, float]) -> Candidate | None:
     present, split, begun, least_um2 = task
     fitted = gone_on(present, split, begun, least_um2)
-    return None if fitted is None else _candidate(present, split, begun.cause, fitted, begun.is_bound)
+    return None if fitted is None else candidate_of(present, split, begun.cause, fitted, begun.is_bound)
 
 
 def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
@@ -192,11 +204,11 @@ def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
     fitted = fit_until_still(candidate.fitted.model, split.train)
     if fitted.squared_error >= candidate.fitted.squared_error:
         return candidate
-    return _candidate(present, split, candidate.cause, fitted, candidate.is_bound)
+    return candidate_of(present, split, candidate.cause, fitted, candidate.is_bound)
 
 
-def _candidate(present: PresentModel, split: DataSplit, cause: str, fitted: Refit, bound: bool) -> Candidate:
-    """Return the candidate of a joint refit, scored on held-out data."""
+def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Refit, bound: bool) -> Candidate:
+    """Return the candidate of a joint refit, scored on held-out data beside the present model."""
     model = present.model
     before, after = _held_pair(model, fitted, split, cause, bound)
     n_free = len(free_parameters(fitted.model)) - len(free_parameters(model))

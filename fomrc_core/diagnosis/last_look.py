@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
+from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import SURE, is_accepted, margin_of, sure_gain, ties_of
 from fomrc_core.diagnosis.held_out_score import held_out_score
@@ -70,13 +70,12 @@ def looked_at_last(
             continue
         if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
             continue
-        candidates = _in_place_of(name, steps, final, split, causes, executor)
+        own, candidates = _in_place_of(name, steps, final, split, causes, executor)
         for other in candidates:
             if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
                 continue
             if held_out_score(held, list(other.held)).log_gain > _BETTER:
                 return LastLook(tuple(steps), (at, other))
-        own = replace(step.accepted, fitted=final, held=tuple(held))
         # Where another was as likely when this one was accepted, the way from there has not been gone, and nobody knows
         # what it would have come to: the lesser margin counts.
         margin = float(np.fmin(step.margin, margin_of(own, candidates, split)))
@@ -91,12 +90,13 @@ def _in_place_of(
     split: DataSplit,
     causes: Sequence[str],
     executor: Executor | None,
-) -> list[Candidate]:
-    """Return the candidates for what is left without a cause, beside all the others."""
+) -> tuple[Candidate, list[Candidate]]:
+    """Return a cause as a candidate for what is left without it beside all the others, and who else there is."""
     # Many arguments: one search, looked at from within.
     found = {step.accepted.cause for step in steps}
     lesser = refit(final.model.without(name), split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)
     wanted = tuple(cause for cause in causes if cause not in found)
     screened = screen(present, wanted, held_view(lesser, split), executor)
-    return candidates_for(present, split, screened, executor)
+    own = candidate_of(present, split, name, final, bound=False)
+    return own, candidates_for(present, split, screened, executor, own)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
+from fomrc_core.diagnosis.moved_times import with_times_moved
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
@@ -43,11 +44,11 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
 
     The first search saw each record through a base that still bent to what the effect did in all of them.
     """
-    if len(split.train) < 2:
-        return final
     model = final.model
     for index, record in enumerate(split.train):
         if model.has(cause, index):
+            model = with_times_moved(model, record, index)
+        if len(split.train) > 1 and model.has(cause, index):
             anew = fit_one_record(model.without(cause, index), record, index, {cause})
             if _error(anew.alone(index), record) < _error(model.alone(index), record):
                 model = anew
@@ -63,7 +64,7 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
     held = Tangent.none(alone, (record,))
     for name in sorted(kinds):
         present = PresentModel(alone, (record,), held, noise_um=0.0)
-        trials = [trial for trial in screen(present, (name,)) if trial.explained > 0.0]
+        trials = [t for t in screen(present, (name,)) if t.explained > 0.0 and t.cause.belongs_to_record()]
         if not trials:
             continue
         pasts = [t.cause for t in trials if isinstance(t.cause, Prehistory)]
@@ -76,7 +77,7 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         options = [alone.with_cause(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
         options.sort(key=lambda option: _error(option, record))
         fits = [_refit_own(option, record) for option in options[:_MAX_STARTS]]
-        alone = min((alone, *fits), key=lambda option: _error(option, record))
+        alone = with_times_moved(min((alone, *fits), key=lambda option: _error(option, record)), record, 0)
     return model.with_record_of(alone, index)
 
 

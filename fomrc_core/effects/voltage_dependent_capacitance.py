@@ -31,20 +31,20 @@ def _run_capacitance(
     state: Array, time_constant_s: float, per_v: float, values: Array, steps_s: Array, out: Array
 ) -> None:
     # T0 C(y) y' = u - y. Over a part in which C hardly changes the lag is exact with C at its middle, found by a
-    # first step with C at its start: second order in the part.
+    # trapezoid with C at its start: second order in the part.
     output, before = state[0], state[1]
     for k in range(values.size):
         step, now = steps_s[k], values[k]
-        decay, ramp = lag_weights(step / (time_constant_s * _capacitance(output, per_v)))
-        reach = max(abs(before - output), abs(now - output)) * (1.0 - decay)
+        ratio = step / (time_constant_s * _capacitance(output, per_v))
+        reach = max(abs(before - output), abs(now - output)) * min(1.0, ratio)
         n_parts = int(min(1.0 + abs(per_v) * reach / _BEND, _MOST_PARTS))
         part, rise = step / n_parts, (now - before) / n_parts
         for j in range(n_parts):
             first, last = before + j * rise, before + (j + 1) * rise
             if n_parts > 1:
-                decay, ramp = lag_weights(part / (time_constant_s * _capacitance(output, per_v)))
-            guess = decay * output + (1.0 - decay - ramp) * first + ramp * last
-            decay, ramp = lag_weights(part / (time_constant_s * _capacitance(0.5 * (output + guess), per_v)))
+                ratio = part / (time_constant_s * _capacitance(output, per_v))
+            middle = output + 0.5 * ratio * (0.5 * (first + last) - output) / (1.0 + 0.5 * ratio)
+            decay, ramp = lag_weights(part / (time_constant_s * _capacitance(middle, per_v)))
             output = decay * output + (1.0 - decay - ramp) * first + ramp * last
         before = now
         out[k] = output
@@ -53,9 +53,8 @@ def _run_capacitance(
 
 def _charge(s: Fields, c: Fields, value: float, step_s: float) -> Number:
     # The loop of _run_capacitance, once.
-    capacitance = max(1.0 + c.per_v * s.output, c.least_capacitance)
-    decay = math.exp(-step_s / (c.time_constant_s * capacitance))
-    reach = max(abs(s.before - s.output), abs(value - s.output)) * (1.0 - decay)
+    ratio = step_s / (c.time_constant_s * max(1.0 + c.per_v * s.output, c.least_capacitance))
+    reach = max(abs(s.before - s.output), abs(value - s.output)) * min(1.0, ratio)
     n_parts = int(min(1.0 + abs(c.per_v) * reach / c.bend, c.most_parts))
     part = step_s / n_parts
     rise = (value - s.before) / n_parts
@@ -64,10 +63,8 @@ def _charge(s: Fields, c: Fields, value: float, step_s: float) -> Number:
         first = s.before + j * rise
         last = s.before + (j + 1) * rise
         ratio = part / (c.time_constant_s * max(1.0 + c.per_v * output, c.least_capacitance))
-        decay = math.exp(-ratio)
-        ramp = ramp_in_step(ratio)
-        guess = decay * output + (1.0 - decay - ramp) * first + ramp * last
-        ratio = part / (c.time_constant_s * max(1.0 + c.per_v * 0.5 * (output + guess), c.least_capacitance))
+        middle = output + 0.5 * ratio * (0.5 * (first + last) - output) / (1.0 + 0.5 * ratio)
+        ratio = part / (c.time_constant_s * max(1.0 + c.per_v * middle, c.least_capacitance))
         decay = math.exp(-ratio)
         ramp = ramp_in_step(ratio)
         output = decay * output + (1.0 - decay - ramp) * first + ramp * last

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.gauss_newton import Linearized, descend
 from fomrc_core.compute.least_squares import gram_of, normal_equations, product, variances_of
+from fomrc_core.effects import Effect, Stage
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
@@ -28,7 +29,8 @@ from fomrc_core.fitting.linear_part import (
     squared_error,
     tangent,
 )
-from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel, predict_passing
+from fomrc_core.model.simulation import Passage
 
 Array = NDArray[np.float64]
 
@@ -88,24 +90,26 @@ def _directions(
     coordinates: Array,
     records: tuple[FitRecord, ...],
     base: tuple[Array, ...],
+    passages: tuple[Passage, ...],
     executor: Executor | None = None,
 ) -> tuple[Array, ...]:
+    # Many arguments: a model, where it stands in what it moves, and what it gives there.
     parts = [np.zeros((r.time_s.size, len(free))) for r in records]
     stroke_um = max(float(np.ptp(values)) for values in base)
 
     def fill(k: int) -> None:
         parameter = free[k]
         step = parameter.difference
+        cause = parameter.cause_in(chain)
+        # what comes before the effect in the chain is what it was
+        since = cause.stage if isinstance(cause, Effect) else Stage.SAMPLED_DRIVE
         for _ in range(_MOST_DIFFERENCES):
-            shifted = coordinates.copy()
-            shifted[k] += step
-            if parameter.coordinate(parameter.value(shifted[k])) - coordinates[k] < 0.5 * step:
+            if parameter.coordinate(parameter.value(coordinates[k] + step)) - coordinates[k] < 0.5 * step:
                 step = -step
-                shifted[k] = coordinates[k] + step
             try:
-                other = with_coordinates(chain, free, shifted)
+                other = parameter.set(chain, parameter.value(float(coordinates[k] + step)))
                 changes = {
-                    i: predict(other, record, i) - base[i]
+                    i: predict_passing(other, record, i, before=passages[i], since=since)[0] - base[i]
                     for i, record in enumerate(records)
                     if parameter.index in (None, i)
                 }
@@ -139,8 +143,9 @@ def effect_directions(
         records: the records.
     """
     coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
-    base = tuple(predict(trial, record, i) for i, record in enumerate(records))
-    return _directions(trial, free, coordinates, records, base)
+    runs = [predict_passing(trial, record, i) for i, record in enumerate(records)]
+    base, passages = tuple(values for values, _ in runs), tuple(passage for _, passage in runs)
+    return _directions(trial, free, coordinates, records, base, passages)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +156,7 @@ class _Point:
         chain: the model there.
         coordinates: of its free parameters, shape (n_free,).
         residuals_um: measured minus predicted, per record.
+        passages: what the stages of its chain handed on, per record.
         squared_error: their sum of squares [um^2].
         space: directions of the linear part, taken there or at a former point.
         is_space_old: whether they were taken at a former point.
@@ -159,6 +165,7 @@ class _Point:
     chain: TrialModel
     coordinates: Array
     residuals_um: tuple[Array, ...]
+    passages: tuple[Passage, ...]
     squared_error: float
     space: Tangent
     is_space_old: bool
@@ -203,14 +210,17 @@ def refit(
     is_linear_free = bool(np.any(space.whitening))
     longest = np.array([_LONGEST_LOG_STEP if p.spec.is_log else math.inf for p in free])
 
-    def point_at(trial: TrialModel, left: tuple[Array, ...], directions: Tangent, is_old: bool) -> _Point:
+    def point_at(trial: TrialModel, directions: Tangent, is_old: bool) -> _Point:
         coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
-        return _Point(trial, coordinates, left, squared_error(records, left), directions, is_old)
+        runs = [predict_passing(trial, record, i) for i, record in enumerate(records)]
+        left = tuple(centred(r.measured_um - values, r.is_used) for r, (values, _) in zip(records, runs, strict=True))
+        passages = tuple(passage for _, passage in runs)
+        return _Point(trial, coordinates, left, passages, squared_error(records, left), directions, is_old)
 
     def linearize(point: _Point) -> _Linearized:
         # the offset is taken out of every direction, so the residual stands for the prediction
         base = tuple(r.measured_um - v for r, v in zip(records, point.residuals_um, strict=True))
-        raw = _directions(point.chain, free, point.coordinates, records, base, executor)
+        raw = _directions(point.chain, free, point.coordinates, records, base, point.passages, executor)
         projected = _removed(point.space, records, raw)
         clear = point.space.remove(records, point.residuals_um)
         equations = normal_equations((d, s, r.is_used) for d, s, r in zip(projected, clear, records, strict=True))
@@ -220,7 +230,7 @@ def refit(
             try:
                 trial = with_coordinates(point.chain, free, point.coordinates + step)
                 trial = moved(trial, point.space.solve(records, rest))
-                return point_at(trial, residuals(trial, records), point.space, is_linear_free)
+                return point_at(trial, point.space, is_linear_free)
             except ParameterError:
                 return None
 
@@ -233,9 +243,8 @@ def refit(
             return None
         return replace(point, space=tangent(point.chain, records), is_space_old=False)
 
-    chain, left = _linear_part_first(chain, records, space)
     descent = descend(
-        point_at(chain, left, space, bool(free) and is_linear_free),
+        point_at(_linear_part_first(chain, records, space), space, bool(free) and is_linear_free),
         linearize,
         n_iterations=n_iterations,
         least_gain=_LEAST_GAIN,
@@ -263,10 +272,8 @@ def _scanned_again(chain: TrialModel, records: tuple[FitRecord, ...]) -> TrialMo
     return chain
 
 
-def _linear_part_first(
-    chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent
-) -> tuple[TrialModel, tuple[Array, ...]]:
-    """Return the chain with its linear part moved to where the effects are, and its residuals."""
+def _linear_part_first(chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent) -> TrialModel:
+    """Return the chain with its linear part moved to where the effects are."""
     left = residuals(chain, records)
     error = squared_error(records, left)
     for _ in range(_N_LINEAR_STEPS):
@@ -282,7 +289,7 @@ def _linear_part_first(
         chain, left, error = trial, trial_left, trial_error
         if is_done:
             break
-    return chain, left
+    return chain
 
 
 def _removed(space: Tangent, records: tuple[FitRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -62,6 +62,27 @@ def before_record(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(effect for effect in effects if effect.acts_before_record())
 
 
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """What a chain handed on from stage to stage in one run, for a chain that differs in a later stage only.
+
+    Attributes:
+        n_least: into how many parts the effects asked each step to be divided at least.
+        divided: the drive after the effects at its samples, on the parts of the steps.
+        driven: the drive after the effects between its samples.
+        elements: what the elements saw.
+        moved_um: displacement before the mechanics at the end of each part [um], shape (n_parts,).
+        sensed_um: displacement before the sensor at the samples [um], shape (n_samples,).
+    """
+
+    n_least: int
+    divided: ElementDrive
+    driven: ElementDrive
+    elements: ElementDrive
+    moved_um: Array
+    sensed_um: Array
+
+
 def drive_at_elements(
     state: ModelState,
     effects: tuple[Effect, ...],
@@ -80,6 +101,19 @@ def drive_at_elements(
         substeps: how steps are divided.
         largest_v: largest threshold [V], where it is not that of the state's plays.
     """
+    divided = _divided(state, effects, ElementDrive(steps_s, drive_v, None), substeps, largest_v)
+    return _warped(state, effects, _driven(state, effects, divided))
+
+
+def _divided(
+    state: ModelState,
+    effects: tuple[Effect, ...],
+    sampled: ElementDrive,
+    substeps: Substeps,
+    largest_v: float | None,
+) -> ElementDrive:
+    """Return the drive after the effects at its samples, on the parts of the steps."""
+    steps_s, drive_v = sampled.steps_s, sampled.voltage_v
     is_held = False
     for effect in of_stage(effects, Stage.SAMPLED_DRIVE):
         drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
@@ -100,8 +134,20 @@ def drive_at_elements(
             drive_v = fine_v
     if is_held and ends is None:
         drive_v = 0.5 * (before_v + drive_v)
+    return ElementDrive(steps_s, drive_v, ends)
+
+
+def _driven(state: ModelState, effects: tuple[Effect, ...], divided: ElementDrive) -> ElementDrive:
+    """Return the drive after the effects between its samples."""
+    drive_v = divided.voltage_v
     for effect in of_stage(effects, Stage.DRIVE):
-        drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
+        drive_v = effect.run(state.effects[effect.name], drive_v, divided.steps_s)
+    return ElementDrive(divided.steps_s, drive_v, divided.ends)
+
+
+def _warped(state: ModelState, effects: tuple[Effect, ...], driven: ElementDrive) -> ElementDrive:
+    """Return what the elements see of the drive: warped, and with their thresholds widened."""
+    drive_v, steps_s = driven.voltage_v, driven.steps_s
     for effect in of_stage(effects, Stage.HYSTERESIS):
         drive_v = effect.warp(drive_v)
     widening = None
@@ -109,28 +155,34 @@ def drive_at_elements(
         factor = effect.widening(state.effects[effect.name], drive_v, steps_s)
         if factor is not None:
             widening = factor if widening is None else widening * factor
-    return ElementDrive(steps_s, drive_v, ends, widening)
+    return ElementDrive(steps_s, drive_v, driven.ends, widening)
 
 
 def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
     """Return the displacement of the mechanics [um] at the end of each part, shape (n_parts,); the state moves on."""
+    return _of_mechanics(state, effects, _of_elements(state, at_creep, effects, drive), drive.steps_s)
+
+
+def _of_elements(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
+    """Return the displacement of elements, what acts beside them, and creep [um], shape (n_parts,)."""
     moved_um = np.empty(drive.voltage_v.size)
-    if not effects:
+    beside = of_stage(effects, Stage.HYSTERESIS)
+    if not beside:
         forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
         return moved_um
-    beside = of_stage(effects, Stage.HYSTERESIS)
-    if beside:
-        added_um = np.zeros(drive.voltage_v.size)
-        for effect in beside:
-            added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
-        if drive.widening is None:
-            forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
-        else:
-            forward_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
+    added_um = np.zeros(drive.voltage_v.size)
+    for effect in beside:
+        added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
+    if drive.widening is None:
+        forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
     else:
-        forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
+        forward_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
+    return moved_um
+
+
+def _of_mechanics(state: ModelState, effects: tuple[Effect, ...], moved_um: Array, steps_s: Array) -> Array:
     for effect in of_stage(effects, Stage.MECHANICAL):
-        moved_um = effect.run(state.effects[effect.name], moved_um, drive.steps_s)
+        moved_um = effect.run(state.effects[effect.name], moved_um, steps_s)
     return moved_um
 
 
@@ -156,14 +208,58 @@ def run_chain(
         covariates: what is known beside the drive.
     """
     # Many arguments: a model and a model under fit both run through here; it takes the parts they share.
+    sampled = ElementDrive(steps_s, drive_v, None)
     if not effects and substeps is Substeps.NONE:
         state.last_input = float(drive_v[-1])
-        return displacement_of_parts(state, at_creep, effects, ElementDrive(steps_s, drive_v, None))
-    drive = drive_at_elements(state, effects, steps_s, drive_v, substeps)
-    moved_um = drive.at_samples(displacement_of_parts(state, at_creep, effects, drive))
+        return _of_elements(state, at_creep, effects, sampled)
+    return pass_chain(state, at_creep, effects, sampled, substeps=substeps, covariates=covariates)[0]
+
+
+def pass_chain(
+    state: ModelState,
+    at_creep: int,
+    effects: tuple[Effect, ...],
+    sampled: ElementDrive,
+    *,
+    substeps: Substeps,
+    covariates: Covariates = NO_COVARIATES,
+    before: Passage | None = None,
+    since: Stage = Stage.SAMPLED_DRIVE,
+) -> tuple[Array, Passage]:
+    """Return the displacement [um] a chain gives, shape (n_samples,), and what its stages handed on.
+
+    Args:
+        state: as of ``run_chain``; of the stages that are not run again it does not move.
+        at_creep: where the creep block begins.
+        effects: in the order of the chain.
+        sampled: the drive at the samples.
+        substeps: how steps are divided.
+        covariates: what is known beside the drive.
+        before: of a chain over the same drive that differs from this one from the stage ``since`` on only.
+        since: the first stage that differs; the first of all where nothing was before.
+    """
+    # Many arguments: those of run_chain, and the run before.
+    n_least = max((effect.least_parts(effects) for effect in effects), default=1)
+    if before is None or before.n_least != n_least:
+        since = Stage.SAMPLED_DRIVE
+    if before is None or since <= Stage.SAMPLED_DRIVE:
+        divided = _divided(state, effects, sampled, substeps, None)
+    else:
+        divided = before.divided
+    driven = before.driven if before is not None and since > Stage.DRIVE else _driven(state, effects, divided)
+    if before is None or since <= Stage.HYSTERESIS:
+        elements = _warped(state, effects, driven)
+        moved_um = _of_elements(state, at_creep, effects, elements)
+    else:
+        elements, moved_um = before.elements, before.moved_um
+    if before is None or since <= Stage.MECHANICAL:
+        sensed_um = elements.at_samples(_of_mechanics(state, effects, moved_um, elements.steps_s))
+    else:
+        sensed_um = before.sensed_um
+    seen_um = sensed_um
     for effect in of_stage(effects, Stage.SENSED):
-        moved_um = effect.run(state.effects[effect.name], moved_um, steps_s, covariates.of(effect.covariate))
-    return moved_um
+        seen_um = effect.run(state.effects[effect.name], seen_um, sampled.steps_s, covariates.of(effect.covariate))
+    return seen_um, Passage(n_least, divided, driven, elements, moved_um, sensed_um)
 
 
 def settle_chain(

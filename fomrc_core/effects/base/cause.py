@@ -42,6 +42,7 @@ class Cause(ABC):
     # how a fit may move it
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
+    moved_times: ClassVar[tuple[str, ...]] = ()  # lists of times [s] of which a search moves each by itself
     is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
     # what a diagnosis must know
     is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left

@@ -12,6 +12,7 @@ from fomrc_core.compute.compiled import compiled
 Array = NDArray[np.float64]
 
 DELAY_CAPACITY = 4096  # steps a delay line holds: 64 kB of state
+_SERIES_BELOW = 0.25  # of the ratio: there ten terms are exact to rounding, and the closed form loses digits
 _DELAY_HEADER = 3  # count, elapsed time [s], reading place
 
 
@@ -33,12 +34,16 @@ def lag_weights(ratio: float) -> tuple[float, float]:
     output = decay * output_before + (1 - decay - ramp) * input_before + ramp * input_now, exact for an input
     linear over the step.
     """
-    decay = math.exp(-ratio)
-    if ratio < 1e-3:
-        ramp = ratio * (0.5 - ratio * (1.0 / 6.0 - ratio * (1.0 / 24.0 - ratio / 120.0)))
-    else:
-        ramp = 1.0 + math.expm1(-ratio) / ratio
-    return decay, ramp
+    if ratio < _SERIES_BELOW:
+        # ramp / ratio = 1/2! - ratio/3! + ratio^2/4! - ..., in pairs that do not wait for each other
+        square = ratio * ratio
+        low = (0.5 - ratio * (1.0 / 6.0)) + square * (1.0 / 24.0 - ratio * (1.0 / 120.0))
+        high = (1.0 / 720.0 - ratio * (1.0 / 5040.0)) + square * (1.0 / 40320.0 - ratio * (1.0 / 362880.0))
+        rest = 1.0 / 3628800.0 - ratio * (1.0 / 39916800.0)
+        ramp = ratio * (low + square * square * (high + square * square * rest))
+        return 1.0 - ratio * (1.0 - ramp), ramp
+    change = math.expm1(-ratio)
+    return 1.0 + change, 1.0 + change / ratio
 
 
 @compiled

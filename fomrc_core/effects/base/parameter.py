@@ -47,6 +47,10 @@ class Parameter:
             return self._checked_number(value, where)
         if not isinstance(value, (list, tuple, np.ndarray)):
             raise ParameterError("not a list", where=where, value=value, allowed="a list of numbers")
+        is_of_floats = isinstance(value, tuple) and set(map(type, value)) == {float}
+        # a fit sets lists anew at every step: those that are right are known at once
+        if is_of_floats and all(map(math.isfinite, value)) and self.lower <= min(value) and max(value) <= self.upper:
+            return tuple(value)
         return tuple(self._checked_number(entry, where) for entry in value)
 
     def _checked_number(self, value: Any, where: str) -> float:

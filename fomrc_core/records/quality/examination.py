@@ -66,7 +66,9 @@ def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     left = bridged(residual_um, valid)
     followed = drive_part(recording.voltage_v, left, valid)
     step_um = recurring_step_um(recording.measured_um[valid])
-    is_spike = _excursions(recording, left, followed, step_um) & valid
+    around = Surroundings.of(recording.voltage_v, left, followed, step_um, float(np.ptp(recording.measured_um)))
+    is_spike = find_excursions(around) & valid
+    is_spike &= ~_stand_still(recording.measured_um, is_spike, around.floor_um)
     faults: tuple[DataFault, ...] = ()
     if np.any(is_spike):
         faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)
@@ -107,11 +109,23 @@ def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[Da
     return found
 
 
-def _excursions(recording: Recording, left: Array, followed: Array, step_um: float) -> Mask:
-    """Return excursions of a residual; those smaller than a share of the record's own range do not matter."""
-    return find_excursions(
-        Surroundings.of(recording.voltage_v, left, followed, step_um, float(np.ptp(recording.measured_um)))
-    )
+def _stand_still(readings_um: Array, is_spike: Mask, floor_um: float) -> Mask:
+    """Return which samples of bursts stand where the reading before the burst stands.
+
+    It is the model that has moved away there: where a stage misses what its drive does, the last readings before it
+    comes back lie farthest from the model. A spike leaves the reading before it.
+
+    Args:
+        readings_um: of the record [um], shape (n_samples,).
+        is_spike: samples of bursts, shape (n_samples,).
+        floor_um: largest change that noise makes [um].
+    """
+    stand = np.zeros(is_spike.size, dtype=np.bool_)
+    edges = np.flatnonzero(np.diff(is_spike.astype(np.int8), prepend=0, append=0))
+    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+        if first > 0 and np.all(np.abs(readings_um[first:stop] - readings_um[first - 1]) <= floor_um):
+            stand[first:stop] = True
+    return stand
 
 
 def _fault(kind: FaultKind, mask: Mask, recording: Recording, jump_um: Array) -> DataFault:

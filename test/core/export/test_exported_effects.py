@@ -21,6 +21,7 @@ from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.creep_law import CreepLaw
+from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
@@ -48,13 +49,15 @@ def options(**changes) -> ExportOptions:
 
 # In the place of the fractional creep, not beside it: no part of a model with every effect.
 CREEP_LAW = CreepLaw(per_decade=0.02, onset_s=0.01, first_share=0.05, first_s=3.0)
+# The other form of an effect that is among them.
+LEAD = IntermittentContact(opens_s=(0.021, 0.3), closes_s=(0.05, 0.34))
 
 
 def test_every_effect_is_exported() -> None:
     assert {effect.name for effect in (*EVERY.effects, CREEP_LAW)} == set(effect_classes())
 
 
-@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW], ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW, LEAD], ids=lambda effect: effect.name)
 def test_an_effect_alone_passes_its_self_test_in_c_and_python(effect, tmp_path) -> None:
     model = replace(PLAIN, creep_order=0.0 if effect.replaces_creep else PLAIN.creep_order).with_effects(effect)
     written = export_model(model, tmp_path / "c", options())

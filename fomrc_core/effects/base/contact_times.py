@@ -1,0 +1,77 @@
+"""When a lead was open: the displacement stands while the drive moves on, and jumps to where it should be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fomrc_core.compute.arrays import Array
+from fomrc_core.effects.base.evidence import RecordEvidence
+
+_MEDIAN_TO_RMS = 1.4826  # of normal numbers
+_JUMP = 6.0  # rms of what changes from sample to sample: no normal number in a long record is as large
+_STANDS = 4.0  # noise: how far a reading strays from a level
+_MOST = 12  # openings of a record; more that look like it are the way of the stage, as play at every turn
+_LEAST_SAMPLES = 3  # that stand: two alike are chance
+_CREEPS = 0.1  # of what the drive has done meanwhile: how far the level itself may stray
+_GOES_ON = 0.3  # of the drive's step: less is a stage that stands
+_IS_BACK = 0.5  # of what the drive did meanwhile comes back soon, and no more than twice of it
+_MOVES = 6.0  # noise: what the drive would have moved the stage by
+
+
+def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return when a lead opens and closes [s], each before the next; two empty lists where none does.
+
+    Args:
+        record: with what the model left over.
+        noise_um: noise floor [um].
+    """
+    time_s, measured_um = record.time_s, record.predicted_um + record.residual_um
+    jumps_um = np.diff(record.residual_um)
+    noise_um = max(noise_um, _MEDIAN_TO_RMS * float(np.median(np.abs(jumps_um))) / np.sqrt(2.0))
+    jumped = np.flatnonzero(np.abs(jumps_um) > _JUMP * np.sqrt(2.0) * noise_um) + 1
+    span_v = float(np.ptp(record.voltage_v))
+    um_per_v = float(np.ptp(record.predicted_um)) / span_v if span_v > 0.0 else 0.0
+    found: list[tuple[float, float]] = []
+    moved_um = um_per_v * record.voltage_v
+    for end in jumped:
+        begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * noise_um)
+        if end - begin < _LEAST_SAMPLES or begin == 0:
+            continue
+        level_um = float(np.mean(measured_um[begin:end]))
+        unseen_um = moved_um[begin:end] - moved_um[begin]
+        n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
+        # it misses what the drive does, and gets it back
+        after = slice(end, end + max((end - begin) // 2, _LEAST_SAMPLES))  # behind a lag it takes some samples
+        back = (measured_um[after] - measured_um[end - 1]) / (moved_um[after] - moved_um[begin])
+        is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
+        is_left = abs(measured_um[end] - measured_um[end - 1]) > _CREEPS * abs(moved_um[end] - moved_um[begin])
+        if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
+            continue
+        while begin < end - 1 and _goes_on(measured_um, moved_um, begin, _STANDS * np.sqrt(2.0) * noise_um):
+            begin += 1
+        step_um = record.predicted_um[begin] - record.predicted_um[begin - 1]
+        share = (level_um - measured_um[begin - 1]) / step_um if step_um != 0.0 else 1.0
+        step_s = time_s[begin] - time_s[begin - 1]
+        open_s = float(time_s[begin - 1] + min(max(share, 0.0), 1.0) * step_s)
+        if begin < end - 1 and (not found or open_s > found[-1][1]):
+            found.append((open_s, float(0.5 * (time_s[end - 1] + time_s[end]))))
+    if len(found) > _MOST:
+        return (), ()
+    return tuple(pair[0] for pair in found), tuple(pair[1] for pair in found)
+
+
+def _begin_of_level(measured_um: Array, moved_um: Array, end: int, reach_um: float) -> int:
+    """Return the first sample of the level that ends before this one, on which the drive goes its way."""
+    total, n, farthest_um = 0.0, 0, 0.0
+    for k in range(end - 1, -1, -1):
+        farthest_um = max(farthest_um, abs(moved_um[k] - moved_um[end - 1]))
+        if n and abs(measured_um[k] - total / n) > reach_um + _CREEPS * farthest_um:
+            return k + 1
+        total, n = total + measured_um[k], n + 1
+    return 0
+
+
+def _goes_on(measured_um: Array, moved_um: Array, at: int, noise_um: float) -> bool:
+    """Return whether the stage still follows the drive to the next sample."""
+    step_um = abs(moved_um[at + 1] - moved_um[at])
+    return bool(abs(measured_um[at + 1] - measured_um[at]) > noise_um + _GOES_ON * step_um)

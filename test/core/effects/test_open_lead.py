@@ -1,0 +1,74 @@
+"""A lead that opens: the charge stays, the stage stands, and jumps when it closes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.effects.intermittent_contact import IntermittentContact
+from fomrc_core.errors import ParameterError
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.recording import Recording
+
+STEP_S = 0.01
+STAGE = PiezoModel(np.array([8.0, 3.0, 5.0, 2.0, 1.2]), np.array([0.4, 1.5, 4.0, 9.0]), 0.02)
+
+
+def sweeps(n: int, seed: int) -> np.ndarray:
+    """Return a drive of some slow sines, from zero on [V], shape (n,)."""
+    rng = np.random.default_rng(seed)
+    time_s = STEP_S * np.arange(n)
+    sines = sum(np.sin(2 * np.pi * f * time_s + rng.uniform(0, 6)) for f in (0.11, 0.23, 0.37, 0.71))
+    return 6.0 * np.minimum(time_s / 0.5, 1.0) * np.asarray(sines)
+
+
+def held(drive_v: np.ndarray, openings: list[tuple[int, int]]) -> np.ndarray:
+    """Return the voltage at the ceramic where the lead is open from the first sample of each pair to the second."""
+    behind = drive_v.copy()
+    for first, last in openings:
+        behind[first:last] = drive_v[first]
+    return behind
+
+
+def test_the_voltage_stays_while_the_lead_is_open() -> None:
+    drive_v, steps_s = sweeps(600, 1), np.full(600, STEP_S)
+    lead = IntermittentContact(opens_s=(1.0, 3.0), closes_s=(1.2, 3.555))
+    state = lead.initial_state()
+    parts = [lead.run(state, drive_v[a:b], steps_s[a:b]) for a, b in ((0, 1), (1, 104), (104, 310), (310, 600))]
+    np.testing.assert_allclose(np.concatenate(parts), held(drive_v, [(100, 120), (300, 356)]), atol=1e-9)
+
+
+def test_between_samples_it_opens_where_the_drive_then_is() -> None:
+    lead = IntermittentContact(opens_s=(0.0525,), closes_s=(0.085,))
+    out = lead.run(lead.initial_state(), np.arange(12.0), np.full(12, STEP_S))
+    np.testing.assert_allclose(out, [0, 1, 2, 3, 4, 5, 5.25, 5.25, 5.25, 9, 10, 11], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({"opens_s": (1.0, 2.0), "closes_s": (1.5,)}, "closes_s"),
+        ({"opens_s": (1.0, 1.2), "closes_s": (1.5, 2.0)}, "closes_s"),
+        ({"opens_s": (2.0,), "closes_s": (1.0,)}, "closes_s"),
+        ({"opens_s": (1.0,), "closes_s": (2.0,), "stiffness_share": 0.1}, "stiffness_share"),
+    ],
+)
+def test_times_that_cannot_be_are_refused(changes, where) -> None:
+    with pytest.raises(ParameterError, match=where):
+        IntermittentContact(**changes)
+
+
+def test_a_diagnosis_finds_the_openings_of_each_record() -> None:
+    openings = ([(410, 460), (1333, 1380)], [(700, 745)])
+    records = []
+    for seed, (n, pairs) in enumerate(zip((2400, 1500), openings, strict=True)):
+        drive_v, rng = sweeps(n, seed + 5), np.random.default_rng(seed)
+        moved_um = STAGE.simulate(np.full(n, STEP_S), held(drive_v, pairs))
+        records.append(Recording(STEP_S * np.arange(n), drive_v, moved_um + rng.normal(0.0, 2e-3, n)))
+    found = diagnose(records[0], test=records[1])
+    assert [finding.cause for finding in found.findings] == ["intermittent_contact"]
+    lead = next(effect for effect in found.model.effects if effect.name == "intermittent_contact")
+    assert isinstance(lead, IntermittentContact)
+    np.testing.assert_allclose(lead.opens_s, [4.1, 13.33], atol=2 * STEP_S)
+    np.testing.assert_allclose(lead.closes_s, [4.595, 13.795], atol=STEP_S)
