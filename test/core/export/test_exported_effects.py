@@ -21,8 +21,8 @@ from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.creep_law import CreepLaw
-from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.gain_drift import GainDrift
+from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
