@@ -5,6 +5,7 @@ Kernels that several effects share live here too; every other file of ``effects`
 
 __all__ = [
     "cause",
+    "contact_times",
     "course",
     "covariates",
     "discovery",

@@ -130,7 +130,7 @@ class AxesFit:
             equations = NormalEquations(whole.gram[np.ix_(free, free)], whole.moment[free])
             return Linearized(equations, lambda step: stepped(point, step), np.full(equations.moment.size, np.inf))
 
-        trail = self._kept.trail(lambda: self._digest, start.vector(), free, np.array([n_steps, still]))
+        trail = self._kept.trail(lambda: self._digest, start.vector(), free, np.array([n_steps, still, start.n_modes]))
         begun = within(start.vector()) if trail.vector is None else start.moved_to(trail.vector)
         if trail.is_done:
             return begun

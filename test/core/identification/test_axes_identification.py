@@ -20,7 +20,7 @@ from fomrc_core.identification.axes import (
     periodic_record,
 )
 from fomrc_core.identification.axes.drive_shape import PLAY_SHARES, DriveShape
-from fomrc_core.identification.axes.fit import AxesFit, AxesProblem
+from fomrc_core.identification.axes.fit import LEAST_PLAY_WEIGHT, AxesFit, AxesProblem
 from fomrc_core.identification.axes.parameters import AxesParameters
 from fomrc_core.identification.axes.response import ResponseFit
 from fomrc_core.identification.axes.starts import empty_parameters
@@ -62,6 +62,11 @@ def test_errors_over_standard_errors_spread_by_one_where_the_model_is_of_another
         assert np.all(np.isfinite(sure.gain[at]) & (sure.gain[at] < 0.1 * found.gains[at]))
     # 16 numbers of spread 1 have a root mean square beyond 0.55 to 1.55 once in a few hundred times
     assert 0.55 < np.sqrt(np.mean(np.square(scores))) < 1.55
+
+
+def test_plays_that_others_make_up_for_stay_above_zero() -> None:
+    found = identified(stage(2, 2), 1, False)  # where pruning moves the weight of one below zero
+    assert found.parameters.play_weights[:2].min() >= LEAST_PLAY_WEIGHT
 
 
 def test_derivatives_are_those_of_differences() -> None:
