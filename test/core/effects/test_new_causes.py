@@ -307,3 +307,23 @@ def test_linearized_is_the_slope_of_the_response(effect) -> None:
         moved = (effect.run(effect.initial_state(), x + size * changes[:, j], steps_s) - plain) / size
         # a kink, a gap or a jump takes some samples' change to the other side
         assert np.mean(np.abs(moved - found[:, j]) > 1e-4) < 0.01
+
+
+def test_what_has_switched_creeps_whatever_level_it_begins_at() -> None:
+    effect = AmplitudeDependentCreep(0.0, 0.01, switched_per_decade=0.05, reach_um=4.0)
+    time_s = 0.01 * np.arange(1, 1001)
+    steps_s = np.full(1000, 0.01)
+    crept = []
+    for before, after in ((0.0, 2.0), (-3.0, -1.0)):
+        values = np.full(1000, after)
+        state = effect.initial_state()
+        effect.run(state, np.full(200_000, before), np.full(200_000, 1.0))
+        crept.append(effect.run(state, values, steps_s) - after)
+    # thresholds 1/3, 2/3, ... 4 um, each as heavy as it is wide; from -3 um on a play has twice its width to go
+    fresh = 0.05 * sum((j / 12) * max(2.0 - j / 3, 0.0) for j in range(1, 13))
+    turned = 0.05 * sum((j / 12) * max(2.0 - 2 * j / 3, 0.0) for j in range(1, 13) if j / 3 <= 3.0)
+    decades = np.log10(1.0 + time_s / 0.01)
+    # the step itself is straight over its sample, which a decade later no longer shows
+    np.testing.assert_allclose(crept[0][10:], fresh * decades[10:], rtol=0.03)
+    change = crept[1] - crept[1][0]
+    np.testing.assert_allclose(change, turned * (decades - decades[0]), rtol=0.05, atol=0.01 * turned)
