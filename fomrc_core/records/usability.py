@@ -23,6 +23,7 @@ GAIN_UM_PER_V = (1e-4, 1e4)
 _N_CLIPPED_MIN = 20
 _CLIPPED_RUN = 5
 _CLIPPED_SHARE = 0.01
+_N_SIGMA = 4.0  # of the noise about one reading
 _N_ALIKE_MIN = 4  # runs of one reading inside of the range from which on they are how the record is
 
 
@@ -112,17 +113,18 @@ def _check_not_clipped(record: Recording) -> None:
     levels = np.unique(x)
     resolution_um = float(np.min(np.diff(levels)))
     # Where the sensor's steps hide its noise, a reading that stays the same says nothing.
-    if noise_floor((record,)).differences_um < 0.5 * resolution_um:
+    noise_um = noise_floor((record,)).differences_um
+    if noise_um < 0.5 * resolution_um:
         return
     least_v = _CLIPPED_SHARE * float(np.ptp(record.voltage_v))
-    moved_inside = _drive_in_runs(record, (x > levels[0]) & (x < levels[-1]))
     for name, end_um in (("highest", float(levels[-1])), ("lowest", float(levels[0]))):
         starts, stops = _runs(x, x == end_um)
         moved = _drive_in_runs(record, x == end_um)
         n_clipped, n_moved = int(np.sum(stops - starts)), int(np.count_nonzero(moved > least_v))
         if n_clipped < _N_CLIPPED_MIN or n_moved == 0:
             continue
-        # a drive of coarse steps holds the reading everywhere, a sensor at its end only there
+        # a drive of coarse steps holds the reading everywhere, but for noise, and a sensor at its end only there
+        moved_inside = _drive_where_it_stands(record, (levels[0], levels[-1]), resolution_um + _N_SIGMA * noise_um)
         n_alike = int(np.count_nonzero(moved_inside > 0.5 * max(moved)))
         if n_alike < max(_N_ALIKE_MIN, n_moved):
             raise RecordingError(
@@ -155,3 +157,19 @@ def _drive_in_runs(record: Recording, chosen: Mask) -> Array:
     """Return by how much the drive moves in each run of one reading among the chosen samples [V], shape (n_runs,)."""
     starts, stops = _runs(record.measured_um, chosen)
     return np.array([float(np.ptp(record.voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)])
+
+
+def _drive_where_it_stands(record: Recording, ends_um: tuple[float, float], reach_um: float) -> Array:
+    """Return by how much the drive moves while the reading stays where it is, inside of the range [V], (n_stands,)."""
+    x, v = record.measured_um, record.voltage_v
+    moved: list[float] = []
+    first, low_v, high_v = 0, float(v[0]), float(v[0])
+    for k in range(1, x.size + 1):
+        if k < x.size and abs(x[k] - x[first]) <= reach_um:
+            low_v, high_v = min(low_v, float(v[k])), max(high_v, float(v[k]))
+            continue
+        if k - first >= _CLIPPED_RUN and ends_um[0] < x[first] < ends_um[1]:
+            moved.append(high_v - low_v)
+        if k < x.size:
+            first, low_v, high_v = k, float(v[k]), float(v[k])
+    return np.array(moved)
