@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fomrc_core.cli.options import OutputDirectory, progress_shown
+from fomrc_core.cli.options import OutputDirectory, progress_shown, say
 from fomrc_core.errors import ParameterError
 
 
@@ -26,19 +27,29 @@ def identify_axes(
     modes: Annotated[str, typer.Option(metavar="auto|N", help="Number of modes.")] = "auto",
     periods: Annotated[int | None, typer.Option(metavar="P", help="Periods in each file.")] = None,
     parameters: Annotated[int, typer.Option(metavar="N", help="At most so many parameters.")] = 300,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="F", help="Also write the result as JSON.")] = (
+        None
+    ),
 ) -> None:
     """Identify several axes that share a body, from periodic records.
 
     Columns: time_s, voltage_1_v, ... displacement_1_um, ...; periods one after another, told by --periods or by a
     column period. Of a rosbag2: a topic voltage and displacement of each axis, or a JointState of all. Records whose
-    periods disagree are named and left out.
+    periods disagree are named and left out. Stopped, it keeps what is done in M.yaml.unfinished, and goes on there
+    when it is run again.
     """
-    from fomrc_core.identification.axes import AxesOptions, periodic_record
+    from fomrc_core.identification.axes import AxesOptions, kept_identification, periodic_record
     from fomrc_core.identification.axes import identify_axes as identify
-    from fomrc_core.storage import check_outputs
+    from fomrc_core.report.axes_fit_results import axes_fit_results
+    from fomrc_core.storage import check_outputs, write_text
+    from fomrc_core.storage.atomic import is_pipe_or_device
     from fomrc_core.storage.axes_files import read_axes_recording, write_axes_model
 
-    check_outputs({"--output": output}, recordings)
+    outputs = {"--output": output} if json_file is None else {"--output": output, "--json": json_file}
+    check_outputs(outputs, recordings)
+    unfinished = None if is_pipe_or_device(output) else Path(f"{output}.unfinished")
+    if unfinished is not None:
+        check_outputs({**outputs, "--output (.unfinished)": unfinished}, recordings)
     options = AxesOptions(n_modes=_mode_count(modes), n_parameters_max=parameters)
     records, lines = [], None
     for path in recordings:
@@ -46,9 +57,22 @@ def identify_axes(
         record = periodic_record(found.voltage_v, found.displacement_um, found.rate_hz, name=found.name, lines=lines)
         lines = record.lines if lines is None else lines
         records.append(record)
-    with progress_shown("identify-axes") as progress:
-        identification = identify(tuple(records), options, progress)
+    kept = kept_identification(unfinished, tuple(records), options)
+    if len(kept):
+        say(f"goes on where it stopped: {len(kept)} fits in {unfinished}")
+    try:
+        with progress_shown("identify-axes") as progress:
+            identification = identify(tuple(records), options, progress, kept)
+    except KeyboardInterrupt:
+        kept.write()
+        if len(kept) and unfinished is not None:
+            say(f"fomrc: stopped; {len(kept)} fits are kept in {unfinished}, the same command goes on there")
+        raise
     write_axes_model(identification.model, output, identification.worst_error)
+    if json_file is not None:
+        results = axes_fit_results(identification)
+        write_text(json.dumps(results, indent=2, allow_nan=False) + "\n", json_file)
+    kept.remove()
     print(identification)
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fomrc_core.cli.options import say
+from fomrc_core.cli.compensate_axes import axes_columns, axes_waveforms
+from fomrc_core.cli.options import say as tell
 
 if TYPE_CHECKING:
     from fomrc_core.compute.arrays import Array
@@ -21,7 +22,15 @@ ModelFile = Annotated[Path, typer.Option("--model", "-m", metavar="M.yaml", help
 
 def compensate(
     model: ModelFile,
-    target: Annotated[Path, typer.Option("--input", "-i", metavar="TARGET.csv", help="Columns time_s and desired_um.")],
+    target: Annotated[
+        Path,
+        typer.Option(
+            "--input",
+            "-i",
+            metavar="TARGET.csv",
+            help="Columns time_s and desired_um; of several axes desired_1_um, ...",
+        ),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="V.csv", help="Where to write.")],
     bandwidth: Annotated[
         float | None,
@@ -46,14 +55,13 @@ def compensate(
 ) -> None:
     """Find the voltage that makes an actuator, relaxed at first, follow a desired displacement.
 
-    Writes time_s, voltage_v and desired_um. What a model holds beside hysteresis and creep is inverted where
-    it can be; what is not is named, with the reason. Resonances, delays and lags take what is to come from the
-    target. A voltage beyond a limit is not written.
+    Writes time_s, voltage_v and desired_um; of a model of several axes voltage_1_v, ... desired_1_um, .... What a
+    model holds beside hysteresis and creep is inverted where it can be; what is not is named, with the reason.
+    Resonances, delays and lags take what is to come from the target. A voltage beyond a limit is not written.
     """
-    from fomrc_core.model.dynamic_inverse import DynamicInverse
-    from fomrc_core.model.known_target import known_target
     from fomrc_core.records.arguments import positive
-    from fomrc_core.storage import check_outputs, read_model, read_target, write_columns
+    from fomrc_core.storage import check_outputs, write_columns
+    from fomrc_core.storage.axes_files import is_axes_model
 
     check_outputs({"--output": output}, [model, target])
     for name, value, unit in (
@@ -65,22 +73,39 @@ def compensate(
         if value is not None:
             positive(name, value, unit)
     limits = _limits(min_voltage, max_voltage, max_rate)
+    if is_axes_model(model):
+        waveforms = axes_waveforms(model, target, rate, bandwidth, periodic)
+        columns = axes_columns(waveforms)
+    else:
+        waveforms = (_waveform(model, target, rate, bandwidth, periodic),)
+        columns = {
+            "time_s": waveforms[0].target.time_s,
+            "voltage_v": waveforms[0].voltage_v,
+            "desired_um": waveforms[0].target.desired_um,
+        }
+    for k, waveform in enumerate(waveforms, 1):
+        _tell(waveform, capacitance, arrival_tolerance, f"axis {k}: " if len(waveforms) > 1 else "")
+    for waveform in waveforms:
+        waveform.require_within(limits)
+    write_columns(columns, output)
+
+
+def _waveform(
+    model: Path, target: Path, rate_hz: float | None, bandwidth_hz: float | None, is_periodic: bool
+) -> Waveform:
+    """Return the voltage of an actuator of one axis."""
+    from fomrc_core.model.dynamic_inverse import DynamicInverse
+    from fomrc_core.model.known_target import known_target
+    from fomrc_core.storage import read_model, read_target
+
     actuator = read_model(model)
     time_s, desired_um = read_target(target)
     dynamic = DynamicInverse(actuator)
-    if not (dynamic.is_needed or periodic or rate is not None or bandwidth is not None):
-        waveform = _static_waveform(actuator, time_s, desired_um, target.name)
-    else:
-        known = known_target(time_s, desired_um, rate_hz=rate, bandwidth_hz=bandwidth, is_periodic=periodic)
-        waveform = dynamic.run(known)
-    _tell(waveform, capacitance, arrival_tolerance)
-    waveform.require_within(limits)
-    columns = {
-        "time_s": waveform.target.time_s,
-        "voltage_v": waveform.voltage_v,
-        "desired_um": waveform.target.desired_um,
-    }
-    write_columns(columns, output)
+    if not (dynamic.is_needed or is_periodic or rate_hz is not None or bandwidth_hz is not None):
+        return _static_waveform(actuator, time_s, desired_um, target.name)
+    return dynamic.run(
+        known_target(time_s, desired_um, rate_hz=rate_hz, bandwidth_hz=bandwidth_hz, is_periodic=is_periodic)
+    )
 
 
 def _limits(min_voltage: float, max_voltage: float, max_rate: float) -> WaveformLimits:
@@ -114,13 +139,18 @@ def _static_waveform(actuator: PiezoModel, time_s: Array, desired_um: Array, nam
     return Waveform(target, voltage_v, reached_um, 0, np.zeros(0), voltage_v, left, ())
 
 
-def _tell(waveform: Waveform, capacitance_f: float | None, tolerance_um: float | None) -> None:
-    """Say what the voltage asks for, and what is to be had by it."""
+def _tell(waveform: Waveform, capacitance_f: float | None, tolerance_um: float | None, axis: str) -> None:
+    """Say what the voltage asks for, and what is to be had by it, each line beginning with the axis."""
+
+    def say(text: str) -> None:
+        tell(axis + text)
+
     for name, reason in waveform.not_inverted:
         say(f"{name}: {reason}" if reason.startswith("not inverted") else f"{name} is not inverted: {reason}")
     for note in waveform.notes:
         say(note)
-    _tell_target(waveform.target)
+    for line in _target_lines(waveform.target):
+        say(line)
     voltage_v = waveform.voltage_v
     say(f"voltage between {voltage_v.min():.4g} and {voltage_v.max():.4g} V; the actuator is taken as relaxed at first")
     asked = f"largest voltage {waveform.largest_v:.4g} V, largest rate {waveform.largest_rate_v_per_s:.4g} V/s"
@@ -135,11 +165,17 @@ def _tell(waveform: Waveform, capacitance_f: float | None, tolerance_um: float |
         say(f"arrives within {tolerance_um:.4g} um of the target's last value: {at}")
 
 
-def _tell_target(target: KnownTarget) -> None:
+def _target_lines(target: KnownTarget) -> list[str]:
+    lines = []
     if target.taken_off_um > 0.0:
-        say(f"target less what is above the bandwidth: at most {target.taken_off_um:.4g} um off what was asked for")
+        lines.append(
+            f"target less what is above the bandwidth: at most {target.taken_off_um:.4g} um off what was asked for"
+        )
     if target.is_periodic:
         n_samples = target.desired_um.size
-        say(f"one period of {n_samples} samples, {n_samples * target.step_s:.6g} s, at {target.rate_hz:.8g} Hz")
+        lines.append(
+            f"one period of {n_samples} samples, {n_samples * target.step_s:.6g} s, at {target.rate_hz:.8g} Hz"
+        )
     if target.rests_at_seam:
-        say("the last row repeats the first, where the scan then rests for a sample: leave it out to go on")
+        lines.append("the last row repeats the first, where the scan then rests for a sample: leave it out to go on")
+    return lines

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Sequence
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from fomrc_core.comparison.baselines.rival import TrainingRecord
 from fomrc_core.comparison.result import Row
-from fomrc_core.storage import make_directory
-from fomrc_core.storage.atomic import write_text
+from fomrc_core.storage.kept_work import KeptWork, fingerprint_of
 
 ROWS_NAME = "comparison_rows.json"
 
@@ -26,42 +21,23 @@ class KeptRows:
     """
 
     def __init__(self, directory: Path | None, records: Sequence[TrainingRecord]) -> None:
-        self._path = None if directory is None else directory / ROWS_NAME
-        self._fingerprint = _fingerprint(records)
-        self._rows = self._read()
+        path = None if directory is None else directory / ROWS_NAME
+        self._work = KeptWork(path, fingerprint_of(_contents(records)))
 
     def get(self, name: str) -> Row | None:
         """Return the row of an entrant, None where there is none."""
-        return self._rows.get(name)
+        try:
+            return Row.from_mapping(self._work.get(name))
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return None  # none, or not ours: it is fitted anew
 
     def keep(self, name: str, row: Row) -> None:
         """Write the row of an entrant."""
-        if self._path is None:
-            return
-        self._rows[name] = row
-        make_directory(self._path.parent)
-        rows = {entrant: kept.to_mapping() for entrant, kept in self._rows.items()}
-        content = {"fingerprint": self._fingerprint, "rows": rows}
-        write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", self._path)
-
-    def _read(self) -> dict[str, Row]:
-        if self._path is None:
-            return {}
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-            if content["fingerprint"] != self._fingerprint:
-                return {}
-            return {entrant: Row.from_mapping(kept) for entrant, kept in content["rows"].items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            return {}  # none, cut short or not ours: all are fitted anew
+        self._work.keep(name, row.to_mapping())
 
 
-def _fingerprint(records: Sequence[TrainingRecord]) -> str:
-    digest = hashlib.sha256()
-    with suppress(PackageNotFoundError):  # fitted by another release a model is another one
-        digest.update(version("fomrc_ros").encode())
+def _contents(records: Sequence[TrainingRecord]) -> Iterator[bytes]:
     for record in records:
         for values in (record.steps_s, record.voltage_v, record.displacement_um, record.is_scored):
-            digest.update(values.tobytes())
-        digest.update(str(record.n_before).encode())
-    return digest.hexdigest()[:16]
+            yield values.tobytes()
+        yield str(record.n_before).encode()

@@ -6,6 +6,7 @@ Nothing here knows what the numbers mean.
 __all__ = [
     "arrays",
     "blas_threads",
+    "clustered_errors",
     "compiled",
     "gauss_newton",
     "least_squares",

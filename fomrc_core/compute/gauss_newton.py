@@ -41,6 +41,7 @@ class Point(Protocol):
 
 
 PointT = TypeVar("PointT", bound=Point)
+AnyPointT = TypeVar("AnyPointT", bound=Point, contravariant=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,17 @@ class Descent(Generic[PointT, LinearizedT]):
     is_converged: bool
 
 
+class Trail(Protocol[AnyPointT]):
+    """Where a descent has come to, kept so that it goes on there where it was cut short."""
+
+    @property
+    def begun(self) -> tuple[int, float] | None:
+        """Linearizations made before ``start``, and the damping there; None where it is the first point."""
+
+    def note(self, point: AnyPointT, n_done: int, damping: float) -> None:
+        """Take down a point from which so many linearizations later the descent goes on with this damping."""
+
+
 def descend(
     start: PointT,
     linearize: Callable[[PointT], LinearizedT],
@@ -93,6 +105,7 @@ def descend(
     least_gain: float,
     renew: Callable[[PointT], PointT | None] = lambda point: None,
     is_hopeless: Callable[[int, PointT], bool] = lambda n_done, point: False,
+    trail: Trail[PointT] | None = None,
 ) -> Descent[PointT, LinearizedT]:
     """Return the least sum of squares that damped Gauss-Newton steps lead to.
 
@@ -107,15 +120,18 @@ def descend(
         renew: asked where no step lowers the error: the same point with a better linearization, None where there is
             none.
         is_hopeless: whether to give up at a point, asked with the number of linearizations made.
+        trail: told each point on the way; where it has begun already, ``start`` is the last point it was told.
 
     Raises:
         ValueError: no iterations allowed.
     """
     if n_iterations < 1:
         raise ValueError(f"n_iterations: {n_iterations}, allowed: 1 or more")
-    point, damping = start, _FIRST_DAMPING
+    # Many arguments: what a fit may say of its descent, all but four with a default.
+    n_before, damping = (trail.begun if trail is not None else None) or (0, _FIRST_DAMPING)
+    point = start
     linearized = linearize(point)
-    for n_done in range(1, n_iterations + 1):
+    for n_done in range(n_before + 1, n_iterations + 1):
         better, damping = _better(point, linearized, damping, least_gain * point.squared_error)
         if better is None:
             renewed = renew(point)
@@ -129,6 +145,8 @@ def descend(
                 return Descent(point, linearized, n_done, True)
         if n_done == n_iterations or is_hopeless(n_done, point):
             break
+        if trail is not None:
+            trail.note(point, n_done, damping)
         linearized = linearize(point)
     return Descent(point, linearized, n_done, False)
 

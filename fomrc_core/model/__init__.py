@@ -11,6 +11,7 @@ __all__ = [
     "dynamic_inverse",
     "influence_matrix",
     "kernels",
+    "known_rounds",
     "known_target",
     "literal_model",
     "near_sample_rate",

@@ -20,21 +20,16 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.course import FLAT, Course
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.known_rounds import KnownRounds, RepeatedCourse
 from fomrc_core.model.known_target import KnownTarget
 from fomrc_core.model.near_sample_rate import ringing_notes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.waveform import Waveform
 
-_MOST_ROUNDS = 20
-_NO_BETTER = 0.95  # of the error of the round before: what is left is what the band does not hold
 _ASKED_AT_ONCE = 0.01  # of the range
-_ENOUGH = 1e-7  # of the range, a tenth of a nanometre in a millimetre
 # The voltage begins where the target does, so that what it lacks in the first moments cannot be had: no round asks for
 # it. So many samples, the shortest swing in the band a few times over, and as long as the stage answers late.
 _N_FIRST = 60
-# Creep goes on with the logarithm of time. The period halfway between the second and the hundredth (sqrt(2 * 100)) is
-# the one whose level is least off in both.
-N_PERIODS = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +81,7 @@ class _KnownChain:
     forward: PiezoModel
     core: Compensator
     course: Course  # of the target
-    repeated: Course  # of what is simulated: the target, or some of its periods
+    simulated: RepeatedCourse
 
     @classmethod
     def of(cls, model: PiezoModel, course: Course) -> _KnownChain:
@@ -98,8 +93,7 @@ class _KnownChain:
         )
         beside = tuple(e for e in undone if e.stage is Stage.HYSTERESIS and e.can_invert)
         core = Compensator(replace(model, effects=beside, start=None))
-        repeated = course.tiled(N_PERIODS) if course.is_periodic else course
-        return cls(undone, replace(model, effects=undone, start=None), core, course, repeated)
+        return cls(undone, replace(model, effects=undone, start=None), core, course, RepeatedCourse(course))
 
     @property
     def n_late(self) -> int:
@@ -119,45 +113,30 @@ class _KnownChain:
 
     def converged(self, desired_um: Array) -> tuple[Array, Array, Array]:
         """Return voltage, displacement and the error of each round [um rms], (n_rounds,); the best round's."""
-        weights = np.ones(desired_um.size)
-        first = 0 if self.course.is_periodic else self.n_first
-        if first:
-            weights[:first] = 0.5 - 0.5 * np.cos(np.pi * np.arange(first) / first)
-        wanted = desired_um
-        enough_um = _ENOUGH * float(np.ptp(desired_um))
-        errors_um: list[float] = []
-        best = wanted, wanted
-        for _ in range(_MOST_ROUNDS):
-            voltage_v = self.guess(wanted)
-            reached_um = self._last_period(self.forward.simulate(self.repeated.steps_s, self._repeat(voltage_v)))
-            lacking = weights * (desired_um - reached_um)
-            error_um = float(np.sqrt(np.mean(lacking[first:] ** 2)))
-            least_um = min(errors_um, default=np.inf)
-            errors_um.append(error_um)
-            if error_um < least_um:
-                best = voltage_v, reached_um
-            if error_um > _NO_BETTER * least_um or error_um <= enough_um:
-                break
-            wanted = wanted + self.course.in_band(lacking)
-        return *best, np.array(errors_um)
+        rounds = KnownRounds(
+            lambda wanted: self.guess(wanted[:, 0])[:, None],
+            lambda voltage: self._simulated(voltage[:, 0])[:, None],
+            lambda values: self.course.in_band(values[:, 0])[:, None],
+            0 if self.course.is_periodic else self.n_first,
+        )
+        voltage_v, reached_um, errors_um = rounds.converged(desired_um[:, None])
+        return voltage_v[:, 0], reached_um[:, 0], errors_um[:, 0]
 
     def guess(self, wanted: Array) -> Array:
         """Return the voltage by undoing one effect after the other, shape (n_samples,)."""
-        values = self._repeat(wanted)
+        values = self.simulated.repeated(wanted)
         behind = [e for e in reversed(self.effects) if e.stage in (Stage.MECHANICAL, Stage.SENSED)]
         before = [e for e in reversed(self.effects) if e.stage in (Stage.DRIVE, Stage.SAMPLED_DRIVE)]
         for effect in behind:
             values = self._undone(effect, values)
-        values = self.core.run(self.repeated.steps_s, values)
-        if self.course.is_periodic:
-            values = self._repeat(_closed(self._last_period(values), values))
+        values = self.simulated.closed(self.core.run(self.simulated.steps_s, values))
         for effect in before:
             values = self._undone(effect, values)
-        return self._last_period(values)
+        return self.simulated.last(values)
 
     def slow(self, wanted: Array) -> Array:
         """Return the voltage were the target followed infinitely slowly [V], shape (n_samples,): lag and ring left."""
-        return self._last_period(self.core.run(self.repeated.steps_s, self._repeat(wanted)))
+        return self.simulated.last(self.core.run(self.simulated.steps_s, self.simulated.repeated(wanted)))
 
     def ringing_notes(self) -> list[str]:
         """Return a line for each effect that rings near the sample rate."""
@@ -175,19 +154,9 @@ class _KnownChain:
         ]
 
     def _undone(self, effect: Effect, values: Array) -> Array:
-        found = effect.undo_known(values, self.repeated)
+        found = effect.undo_known(values, self.simulated.whole)
         return values if found is None else found
 
-    def _repeat(self, values: Array) -> Array:
-        return np.tile(values, N_PERIODS) if self.course.is_periodic else values
-
-    def _last_period(self, values: Array) -> Array:
-        return values[-self.course.n_samples :] if self.course.is_periodic else values
-
-
-def _closed(last: Array, all_periods: Array) -> Array:
-    """Return a period whose end meets its start: creep carries each a little further than the one before."""
-    n_samples = last.size
-    drift_v = float(all_periods[-1] - all_periods[-1 - n_samples])
-    along = (np.arange(n_samples) + 1.0) / n_samples - 0.5
-    return np.asarray(last - drift_v * along)
+    def _simulated(self, voltage_v: Array) -> Array:
+        steps_s, voltages_v = self.simulated.steps_s, self.simulated.repeated(voltage_v)
+        return self.simulated.last(self.forward.simulate(steps_s, voltages_v))

@@ -5,6 +5,7 @@ Nothing is computed here that a number elsewhere depends on.
 
 __all__ = [
     "axes_diagnosis_files",
+    "axes_fit_results",
     "change_files",
     "check_results",
     "diagnosis_files",

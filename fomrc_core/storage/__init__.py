@@ -17,6 +17,7 @@ __all__ = [
     "check_outputs",
     "files_in",
     "foreign",
+    "kept_work",
     "make_directory",
     "measured_examples",
     "model_to_parameters",

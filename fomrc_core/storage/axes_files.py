@@ -102,6 +102,32 @@ def is_axes_recording(path: str | os.PathLike[str]) -> bool:
     return any(_COLUMN.match(name) for name in names)
 
 
+def read_axes_target(path: str | os.PathLike[str], n_axes: int) -> tuple[Array, Array]:
+    """Read times [s] and desired displacements [um], (n_samples, n_axes), of columns ``time_s, desired_1_um, ...``.
+
+    Args:
+        path: a CSV file.
+        n_axes: how many displacements there are.
+
+    Raises:
+        StorageError: whatever is wrong with the file, in one line.
+    """
+    where = os.fspath(path)
+    columns = _csv(where)
+    names = [f"desired_{k + 1}_um" for k in range(n_axes)]
+    for name in ("time_s", *names):
+        if name not in columns:
+            raise StorageError(
+                f"no column {name}", where=where, value=",".join(columns), allowed="time_s, " + names[-1]
+            )
+    time_s = columns["time_s"]
+    if time_s.size < 2 or np.any(np.diff(time_s) <= 0.0):
+        raise StorageError(
+            "time does not rise", where=where, value=time_s.size, allowed="2 or more rows, time_s rising"
+        )
+    return time_s, np.stack([columns[name] for name in names], axis=1)
+
+
 def _numbered(columns: dict[str, Array], what: str, where: str) -> list[str]:
     found = {int(match[2]): name for name in columns if (match := _COLUMN.match(name)) and match[1] == what}
     unit = "v" if what == "voltage" else "um"
@@ -200,6 +226,15 @@ def read_axes_model(path: str | os.PathLike[str]) -> AxesModel:
     if not isinstance(block.get("axes"), dict):
         raise StorageError("no model of several axes", where=where, value=list(block), allowed="a block axes")
     return axes_from_mapping(block["axes"], f"{where}, model.axes")
+
+
+def is_axes_model(path: str | os.PathLike[str]) -> bool:
+    """Return whether a model file is of several axes; False for what cannot be read as one."""
+    where = os.fspath(path)
+    try:
+        return "axes" in model_block(load_yaml(read_text(where, n_bytes_max=_N_MODEL_BYTES_MAX), where), where)
+    except StorageError:
+        return False
 
 
 def read_axes_fit_error(path: str | os.PathLike[str]) -> float:

@@ -17,7 +17,9 @@ import typer
 
 from fomrc_core.cli.application import application
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
+from fomrc_core.model.axes import AxesModel, AxesModes
 from fomrc_core.storage import read_model, write_model
+from fomrc_core.storage.axes_files import write_axes_model
 
 _ROOT = Path(__file__).resolve().parents[2]
 _N = 400
@@ -28,12 +30,13 @@ GOOD = (
     "compensate -m model.yaml -i target.csv -o out.csv",
     "compensate -m ringing.yaml -i target.csv -o out.csv --bandwidth 20 --rate 500 --max-voltage 150",
     "compensate -m model.yaml -i target.csv -o out.csv --periodic --capacitance 1e-6 --arrival-tolerance 0.01",
+    "compensate -m stage.yaml -i axes.csv -o out.csv --bandwidth 15 --max-voltage 150",
     "export -m model.yaml -o result --language c",
     "export -m model.yaml -o result --language python --elements 3",
     "identify rec.csv -o out.yaml --elements 3",
     "identify rec.csv other.csv --test third.csv -o out.yaml --elements 3 --json out.json",
     "identify-fleet fleet -o result --elements 3 --workers 1",
-    "identify-axes axes.npz -o out.yaml --periods 2 --modes 1 --parameters 20",
+    "identify-axes axes.npz -o out.yaml --periods 2 --modes 1 --parameters 20 --json out.json",
     "check rec.csv --max-voltage 100 --max-time 60 --elements 3 --json out.json",
     "diagnose rec.csv -o result",
     "diagnose-fleet fleet -o result --workers 1",
@@ -118,6 +121,11 @@ def write_inputs(folder: Path) -> None:
     (folder / "model.yaml").write_text(text)
     ringing = read_model(folder / "model.yaml").with_effects(MechanicalResonance(30.0, 0.05))
     write_model(ringing, folder / "ringing.yaml")
+    line = read_model(folder / "model.yaml")
+    modes = AxesModes(np.array([20.0]), np.array([0.05]), np.ones((1, 2)) + 0j, np.array([[1.0, 0.2]]) + 0j)
+    write_axes_model(AxesModel((line, line), modes, np.eye(2), 0.004), folder / "stage.yaml")
+    course = 1.0 - np.cos(2.0 * np.pi * t)
+    _table(folder / "axes.csv", "time_s,desired_1_um,desired_2_um", (t, course, -0.5 * course))
     (folder / "broken.yaml").write_text("model: [1, 2\n")
     (folder / "empty.csv").write_text("")
     (folder / "words.txt").write_text("to be done\n")

@@ -54,6 +54,20 @@ def stage(n_axes: int, seed: int) -> Stage:
     return Stage(a, b, np.hstack([one, zero]), np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles), (0.05, 0.3))
 
 
+def at_level(truth: Stage, change: float) -> Stage:
+    """Return the stage with springs by which all its frequencies are changed, relatively, and what its modes then are.
+
+    Dampers stay, so that damping changes the other way.
+    """
+    n = truth.b.shape[1]
+    a = truth.a.copy()
+    a[n:, :n] *= (1.0 + change) ** 2
+    poles = scipy.linalg.eigvals(a)
+    poles = poles[poles.imag > 0]
+    poles = poles[np.argsort(np.abs(poles))]
+    return Stage(a, truth.b, truth.c, np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles), truth.spring)
+
+
 def _skew(rng: np.random.Generator, n: int, size: float) -> Array:
     upper = np.triu(rng.normal(size=(n, n)), 1) * size
     return upper - upper.T
@@ -86,16 +100,25 @@ def bouc_wen(u: Array, spring: tuple[float, float]) -> Array:
     return out
 
 
-def record(truth: Stage, rms_v: float, seed: int, *, n_periods: int = 2, noise: float = NOISE) -> tuple[Array, Array]:
-    """Return drives and displacements in steady state, (N_SAMPLES, n_axes, n_periods)."""
+def record(
+    truth: Stage, rms_v: float, seed: int, *, n_periods: int = 2, noise: float = NOISE, delay_s: float = 0.0
+) -> tuple[Array, Array]:
+    """Return drives and displacements in steady state, (N_SAMPLES, n_axes, n_periods); delays under a sample."""
     n_axes = truth.b.shape[1]
     u = multisine(n_axes, rms_v, seed)
     long = np.tile(u, (n_periods + 2, 1))
     force = long - bouc_wen(long, truth.spring)
-    system = scipy.signal.cont2discrete(
-        (truth.a, truth.b, truth.c, np.zeros((n_axes, n_axes))), 1.0 / RATE_HZ, method="zoh"
+    direct = np.zeros((n_axes, n_axes))
+    # a hold that begins late: the rest of the one before it, then itself, each held over its part of the sample
+    step_s = 1.0 / RATE_HZ
+    whole, late = (
+        scipy.signal.cont2discrete((truth.a, truth.b, truth.c, direct), t, method="zoh")
+        for t in (step_s, step_s - delay_s)
     )
-    _, y = scipy.signal.dlsim(system, force)[:2]
+    before = np.vstack([np.zeros((1, n_axes)), force[:-1]])
+    drives = np.hstack([whole[1] - late[1], late[1]])
+    system = (whole[0], drives, truth.c, np.zeros((n_axes, 2 * n_axes)), step_s)
+    _, y = scipy.signal.dlsim(system, np.hstack([before, force]))[:2]
     y = y[2 * N_SAMPLES :]
     y = y + noise * y.std(axis=0) * np.random.default_rng(seed + 10_000).normal(size=y.shape)
     shape = (n_periods, N_SAMPLES, n_axes)

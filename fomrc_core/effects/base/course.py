@@ -66,12 +66,22 @@ class Course:
             values: shape (n_samples,).
             gain: complex gain at frequencies [Hz], of one shape.
         """
-        if self.is_periodic:
-            n_before, padded = 0, values
-        else:
-            n_before, padded = self._padded(values)
+        n_before, padded = self._circle(values)
         frequency_hz = rfftfreq(padded.size, self.step_s)
         passed = irfft(rfft(padded) * gain(frequency_hz), padded.size)
+        return np.ascontiguousarray(passed[n_before : n_before + self.n_samples])
+
+    def filtered_together(self, values: Array, gain: Gain) -> Array:
+        """Return several courses that have passed a filter with as many inputs, shape (n_samples, n_outputs).
+
+        Args:
+            values: shape (n_samples, n_inputs).
+            gain: complex gain at frequencies [Hz], (n,) to (n, n_outputs, n_inputs).
+        """
+        circles = [self._circle(column) for column in values.T]
+        n_before, padded = circles[0][0], np.stack([circle for _, circle in circles], axis=1)
+        spectrum = rfft(padded, axis=0)
+        passed = irfft(np.einsum("foi,fi->fo", gain(rfftfreq(len(padded), self.step_s)), spectrum), len(padded), axis=0)
         return np.ascontiguousarray(passed[n_before : n_before + self.n_samples])
 
     def undone(self, values: Array, response: Gain) -> Array:
@@ -89,10 +99,18 @@ class Course:
     def _band(self, frequency_hz: Array) -> Array:
         return low_pass(frequency_hz, FLAT / self.step_s, GONE / self.step_s)
 
+    @property
+    def n_beyond(self) -> int:
+        """Number of samples beyond either end into which a filter may reach; a period of a periodic one."""
+        return self.n_samples if self.is_periodic else max(_LEAST_PAD, int(_PAD * self.n_samples))
+
+    def _circle(self, values: Array) -> tuple[int, Array]:
+        return (0, values) if self.is_periodic else self._padded(values)
+
     def _padded(self, values: Array) -> tuple[int, Array]:
         # Beyond either end it goes on point-symmetrically, without a corner of its own where it is cut in mid-motion;
         # then it is held, and returns smoothly from the last value to the first: a transform knows circles alone.
-        n_pad = max(_LEAST_PAD, int(_PAD * values.size))
+        n_pad = self.n_beyond
         n_mirror = min(values.size - 1, n_pad)
         n_all = next_fast_len(values.size + 3 * n_pad, real=True)
         n_return = n_all - values.size - 2 * n_pad

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.identification.axes.fit import AxesFit
+from fomrc_core.identification.axes.kept_descents import KeptDescents
 from fomrc_core.identification.axes.periodic import PeriodicRecord
 from fomrc_core.identification.axes.response import ResponseFit
 
@@ -50,10 +51,24 @@ class DriveShape:
 LINEAR = DriveShape(np.zeros(0), 0.0)
 
 
-def fit_of(records: tuple[PeriodicRecord, ...], drive: DriveShape, reference_v: float) -> AxesFit:
-    """Return the fit of a model with such a drive to records."""
-    spectra = [drive.spectra(record) for record in records]
-    return AxesFit(ResponseFit(records, spectra, reference_v, drive.thresholds.size))
+@dataclass(frozen=True, eq=False)
+class FitSetting:
+    """What the fits of one identification have in common.
+
+    Attributes:
+        reference_v: level at which the modes are as they are [V rms].
+        drive: what stands between voltages and modes.
+        kept: descents of an identification that was stopped.
+    """
+
+    reference_v: float
+    drive: DriveShape = LINEAR
+    kept: KeptDescents = field(default_factory=KeptDescents)
+
+    def fit_of(self, records: tuple[PeriodicRecord, ...]) -> AxesFit:
+        """Return the fit of a model with such a drive to records."""
+        spectra = [self.drive.spectra(record) for record in records]
+        return AxesFit(ResponseFit(records, spectra, self.reference_v, self.drive.thresholds.size), self.kept)
 
 
 @compiled

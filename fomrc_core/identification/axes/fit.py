@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.gauss_newton import Linearized, descend
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations
+from fomrc_core.identification.axes.kept_descents import KeptDescents, digest_of
 from fomrc_core.identification.axes.parameters import AxesParameters, Mask
 from fomrc_core.identification.axes.response import ResponseFit
 
@@ -42,12 +44,22 @@ class AxesFit:
 
     Args:
         response: spectra of the model for the records to learn from.
+        kept: descents as far as they have come before; none if left out.
     """
 
-    def __init__(self, response: ResponseFit):
+    def __init__(self, response: ResponseFit, kept: KeptDescents | None = None):
         self.response = response
+        self._kept = kept or KeptDescents()
         rms = np.array([record.rms_um for record in response.records])
         self.weights = 1.0 / rms / np.sqrt(rms.size)
+
+    @cached_property
+    def _digest(self) -> bytes:
+        """What tells this fit from all others, whatever it begins with."""
+        records, response = self.response.records, self.response
+        fixed = np.array([response.step_s, response.reference_v, response.n_plays])
+        spectra = (*(r.displacement for r in records), *(r.voltage for r in records), *response.play_spectra)
+        return digest_of((fixed, self.weights, response.z1, *spectra))
 
     def errors(self, parameters: AxesParameters) -> Array:
         """Return the relative error of each record and output [1], (n_records, O)."""
@@ -84,8 +96,8 @@ class AxesFit:
         n_steps: int = 20,
         still: float = 1e-4,
         progress: Progress | None = None,
-    ) -> tuple[AxesParameters, AxesProblem]:
-        """Return the parameters of the least cost from a start, and the problem linearised there.
+    ) -> AxesParameters:
+        """Return the parameters of the least cost from a start; from where it was, had it begun before.
 
         Args:
             start: where from.
@@ -99,11 +111,14 @@ class AxesFit:
         plays &= free
         done = 0
 
+        def within(vector: Array) -> AxesParameters:
+            vector[plays] = np.maximum(vector[plays], LEAST_PLAY_WEIGHT)
+            return start.moved_to(vector)
+
         def stepped(point: _Point, step: Array) -> _Point | None:
             trial = point.parameters.vector()
             trial[free] += step
-            trial[plays] = np.maximum(trial[plays], LEAST_PLAY_WEIGHT)
-            moved = start.moved_to(trial)
+            moved = within(trial)
             return _Point(moved, self.cost(moved)) if is_sound(moved, self.response.step_s) else None
 
         def linearize(point: _Point) -> Linearized[_Point]:
@@ -115,8 +130,14 @@ class AxesFit:
             equations = NormalEquations(whole.gram[np.ix_(free, free)], whole.moment[free])
             return Linearized(equations, lambda step: stepped(point, step), np.full(equations.moment.size, np.inf))
 
-        descent = descend(_Point(start, self.cost(start)), linearize, n_iterations=n_steps, least_gain=still)
-        return descent.point.parameters, self.linearised(descent.point.parameters)
+        trail = self._kept.trail(lambda: self._digest, start.vector(), free, np.array([n_steps, still, start.n_modes]))
+        begun = within(start.vector()) if trail.vector is None else start.moved_to(trail.vector)
+        if trail.is_done:
+            return begun
+        point = _Point(begun, self.cost(begun))
+        descent = descend(point, linearize, n_iterations=n_steps, least_gain=still, trail=trail)
+        trail.end(descent.point)
+        return descent.point.parameters
 
 
 def real_rows(columns: ComplexArray) -> Array:

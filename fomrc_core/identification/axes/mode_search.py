@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fomrc_core.identification.axes.drive_shape import LINEAR, fit_of
+from fomrc_core.identification.axes.drive_shape import FitSetting
 from fomrc_core.identification.axes.fit import AxesFit
 from fomrc_core.identification.axes.parameters import BASE, AxesParameters
 from fomrc_core.identification.axes.periodic import PeriodicRecord
@@ -20,13 +20,13 @@ _N_COARSE_LINES = 1200
 
 
 def modes_of(
-    middle: tuple[PeriodicRecord, ...], reference_v: float, n_modes: int | None, n_poles: int, tell: Progress
+    middle: tuple[PeriodicRecord, ...], setting: FitSetting, n_modes: int | None, n_poles: int, tell: Progress
 ) -> AxesParameters:
     """Return the modes of records of one level, and shapes, coupling and delay with them.
 
     Args:
         middle: the records.
-        reference_v: their level [V rms].
+        setting: of fits without hysteresis, at their level.
         n_modes: how many; None to choose.
         n_poles: pairs of poles to begin with.
         tell: told share and text.
@@ -37,7 +37,7 @@ def modes_of(
     hz, damping = common_poles(coarse, n_poles, 0.85 * step_s)
     shape = (first.displacement.shape[0], first.voltage.shape[0])
     learnt, held = (coarse[:-1], coarse[-1:]) if len(coarse) > 2 else (coarse, coarse)
-    fit, judge = (fit_of(part, LINEAR, reference_v) for part in (learnt, held))
+    fit, judge = (setting.fit_of(part) for part in (learnt, held))
     trials = []
     for share in (0.01, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95):
         trial = with_shapes(fit, empty_parameters(hz, damping, shape, share * step_s))
@@ -45,11 +45,11 @@ def modes_of(
     # which delay is best shows once the poles have followed it
     trials = [found for found in trials if found[0] < 1.02 * min(trials, key=_cost_of)[0]] or trials
     trials.sort(key=lambda found: _imaginary_share(found[2]))
-    begun = [fit.fitted(trial, trial.mask(*BASE), n_steps=4)[0] for _, _, trial in trials[:3]]
+    begun = [fit.fitted(trial, trial.mask(*BASE), n_steps=4) for _, _, trial in trials[:3]]
     least = min(fit.cost(trial) for trial in begun)
     # with few modes a delay and phases of shapes stand in for one another: the most real shapes are taken
     par = min((trial for trial in begun if fit.cost(trial) < 1.02 * least), key=_imaginary_share)
-    par, _ = fit.fitted(par, par.mask(*BASE), n_steps=12, still=1e-3)
+    par = fit.fitted(par, par.mask(*BASE), n_steps=12, still=1e-3)
     par = _fewer(fit, judge, par, n_modes)
     best = judge.cost(par)
     while par.n_modes < (n_modes or 40):
@@ -59,7 +59,7 @@ def modes_of(
         if n_modes is None and cost > (1.0 - _MODE_GAIN) * best:
             break
         par, best = more, min(best, cost)
-    return fit_of(coarse, LINEAR, reference_v).fitted(par, par.mask(*BASE), n_steps=6, still=1e-3)[0]
+    return setting.fit_of(coarse).fitted(par, par.mask(*BASE), n_steps=6, still=1e-3)
 
 
 def _imaginary_share(par: AxesParameters) -> float:
@@ -88,7 +88,7 @@ def _fewer(fit: AxesFit, judge: AxesFit, par: AxesParameters, n_modes: int | Non
         is_over = n_modes is not None and par.n_modes > n_modes
         if not is_over and fit.cost(least) > 2.0 * fit.cost(par):
             break  # even the least of them is most of what there is
-        least, _ = fit.fitted(least, least.mask(*BASE), n_steps=6, still=1e-3)
+        least = fit.fitted(least, least.mask(*BASE), n_steps=6, still=1e-3)
         if not is_over and judge.cost(least) > (1.0 + _MODE_GAIN) * best:
             break
         par = least
@@ -108,7 +108,7 @@ def _one_more(fit: AxesFit, par: AxesParameters, top_hz: float) -> AxesParameter
     outside = [found for found in gains if found[1] > top_hz]
     tried = []
     for _, _, trial in [*gains[:2], *outside[:1]]:
-        fitted, _ = fit.fitted(trial, trial.mask(*BASE), n_steps=5, still=2e-3)
+        fitted = fit.fitted(trial, trial.mask(*BASE), n_steps=5, still=2e-3)
         tried.append((fit.cost(fitted), fitted))
     best = min(tried, key=lambda found: found[0])[1]
-    return fit.fitted(best, best.mask(*BASE), n_steps=8, still=1e-3)[0]
+    return fit.fitted(best, best.mask(*BASE), n_steps=8, still=1e-3)

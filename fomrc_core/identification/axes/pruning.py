@@ -32,15 +32,15 @@ _MAY_GO = (
     "static_change",
     "joint",
 )
-_FREE_LOSS = 3e-5  # relative rise of the cost at which a parameter goes even where there is room
+FREE_LOSS = 3e-5  # relative rise of the cost at which a parameter goes even where there is room
 _MOST_LOSS = 0.01  # relative rise of the cost by all of these
 _ROUND = 0.25  # share of what is to go in one round
 
 
 def pruned(
     fit: AxesFit, par: AxesParameters, free: Mask, n_max: int, tell: Progress
-) -> tuple[AxesParameters, Mask, AxesProblem]:
-    """Return parameters, what of them is free, and the problem at the end.
+) -> tuple[AxesParameters, Mask, Mask]:
+    """Return parameters, what of them could have been free, and what is at the end.
 
     Args:
         fit: whose cost counts.
@@ -50,8 +50,9 @@ def pruned(
         tell: told share and text.
     """
     par = par.in_one_gauge()
-    free = free & ~_gauge(par)
-    par, problem = fit.fitted(par, free, n_steps=3, still=3e-4)
+    asked = free = free & ~_gauge(par)
+    par = fit.fitted(par, free, n_steps=3, still=3e-4)
+    problem = fit.linearised(par)
     while True:
         over = int(free.sum()) - n_max
         gone, x = _leaving(par, free, problem, int(np.ceil(max(over, 0) * _ROUND)))
@@ -62,15 +63,16 @@ def pruned(
         start = par.moved_to(x)
         if not is_sound(start, fit.response.step_s) or fit.cost(start) > 2.0 * problem.cost:
             start = par.moved_to(np.where(fewer | ~free, par.vector(), 0.0))
-        left, left_problem = fit.fitted(start, fewer, n_steps=4, still=3e-4)
+        left = fit.fitted(start, fewer, n_steps=4, still=3e-4)
+        left_problem = fit.linearised(left)
         if over <= 0 and left_problem.cost > (1.0 + _MOST_LOSS) * problem.cost:
             break  # what seemed free by the linearised problem was not
         par, free, problem = left, fewer, left_problem
         tell(0.9, f"{int(free.sum())} parameters, error {100.0 * np.sqrt(problem.cost):.2f} %")
         if over <= 0:
             break
-    par, problem = fit.fitted(par, free, n_steps=6, still=2e-4)
-    return par, free, problem
+    par = fit.fitted(par, free, n_steps=6, still=2e-4)
+    return par, asked, free
 
 
 def _gauge(par: AxesParameters) -> Mask:
@@ -98,7 +100,7 @@ def _leaving(par: AxesParameters, free: Mask, problem: AxesProblem, n_least: int
     while True:
         loss = np.where(may, y**2 / np.maximum(np.diag(inverse), 1e-12), np.inf)
         k = int(np.argmin(loss))
-        if not np.isfinite(loss[k]) or (loss[k] > _FREE_LOSS * problem.cost and len(gone) >= n_least):
+        if not np.isfinite(loss[k]) or (loss[k] > FREE_LOSS * problem.cost and len(gone) >= n_least):
             break
         y = y - inverse[:, k] * (y[k] / inverse[k, k])
         inverse = inverse - np.outer(inverse[:, k], inverse[k]) / inverse[k, k]

@@ -1,10 +1,7 @@
 """The periodic steady state of several axes, and its derivatives, line by line.
 
-The drive is held between samples, delayed by less than a sample, and the modes are integrated exactly, so that what
-is fitted here is what the stepwise simulation does. A mode with pole p answers a held input by
-
-    xi = kappa (G_a z^-2 + G_b z^-1) / (1 - e^(pT) z^-1),  kappa = -j w^2 / w_d,
-    G_a = (e^(pT) - e^(p(T - delay))) / p,  G_b = (e^(p(T - delay)) - 1) / p.
+The drive is held between samples, delayed by less than a sample, and the modes are integrated exactly
+(``model.axes.mode_answers``), so that what is fitted here is what the stepwise simulation does.
 """
 
 from __future__ import annotations
@@ -17,32 +14,12 @@ from numpy.typing import NDArray
 
 from fomrc_core.identification.axes.parameters import AxesParameters
 from fomrc_core.identification.axes.periodic import PeriodicRecord
+from fomrc_core.model.axes import ModeAnswers, mode_answers
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _STEP = 1e-6  # relative, of the central differences of one mode's answer: exact to 1e-10 of it
-
-
-@dataclass(frozen=True, eq=False)
-class _Answers:
-    """What modes answer at one level: plus and minus are of the pole and of its conjugate, each (K, M)."""
-
-    plus: ComplexArray
-    minus: ComplexArray
-
-
-def mode_answers(z1: ComplexArray, omega: Array, damping: Array, step_s: float, delay_s: float) -> _Answers:
-    """Return the answers of modes to a held input; z1 is z^-1 of each line, shape (K,)."""
-    damped = omega * np.sqrt(1.0 - damping**2)
-    found = []
-    for sign in (1.0, -1.0):
-        p = -damping * omega + sign * 1j * damped
-        whole, late = np.exp(p * step_s), np.exp(p * (step_s - delay_s))
-        kappa = -sign * 1j * omega**2 / damped / p
-        drive = (whole - late) * z1[:, None] + (late - 1.0)
-        found.append(kappa * drive * z1[:, None] / (1.0 - whole * z1[:, None]))
-    return _Answers(found[0], found[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +29,7 @@ class _Joints:
     motion: Array
     slope: Array
     force: ComplexArray
-    answers: _Answers
+    answers: ModeAnswers
     paths: ComplexArray
     through: ComplexArray
 
@@ -220,8 +197,8 @@ class ResponseFit:
         par: AxesParameters,
         r: int,
         joints: _Joints,
-        here: _Answers,
-        slopes: tuple[_Answers, _Answers, _Answers],
+        here: ModeAnswers,
+        slopes: tuple[ModeAnswers, ModeAnswers, ModeAnswers],
         drives: tuple[ComplexArray, ComplexArray, ComplexArray],
     ) -> _ThroughJoints:
         """Return how each joint's force changes with what its modes' motion depends on."""
@@ -258,11 +235,11 @@ class ResponseFit:
             [record.spectrum_of(joints.motion * slope).T for slope in joints.slope],
         )
 
-    def _slopes(self, omega: Array, damping: Array, delay: float) -> tuple[_Answers, _Answers, _Answers]:
-        def between(high: _Answers, low: _Answers, width: float) -> _Answers:
-            return _Answers((high.plus - low.plus) / width, (high.minus - low.minus) / width)
+    def _slopes(self, omega: Array, damping: Array, delay: float) -> tuple[ModeAnswers, ModeAnswers, ModeAnswers]:
+        def between(high: ModeAnswers, low: ModeAnswers, width: float) -> ModeAnswers:
+            return ModeAnswers((high.plus - low.plus) / width, (high.minus - low.minus) / width)
 
-        def at(o: Array, d: Array, t: float) -> _Answers:
+        def at(o: Array, d: Array, t: float) -> ModeAnswers:
             return mode_answers(self.z1, o, d, self.step_s, t)
 
         h, late = _STEP, _STEP * self.step_s

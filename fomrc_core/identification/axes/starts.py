@@ -12,7 +12,7 @@ from fomrc_core.compute.least_squares import normal_equations
 from fomrc_core.identification.axes.fit import AxesFit, real_rows
 from fomrc_core.identification.axes.parameters import AxesParameters
 from fomrc_core.identification.axes.periodic import PeriodicRecord
-from fomrc_core.identification.axes.response import mode_answers
+from fomrc_core.model.axes import mode_answers
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -2,8 +2,9 @@
 
     displacement = S(axis models of the voltages)   ->   voltages = axis inverses of S^-1 displacement
 
-Modes are taken at rest, as a stage that is moved slowly has them; what they do on the way is for a feedback, or for
-commands without what rings. Joints, the relay of the rate and the level law are left out: at rest they vanish.
+Modes are taken at rest, as a stage that is moved slowly has them; what they do on the way is undone where a target is
+known as a whole (dynamic_inverse.py). Joints, the relay of the rate and the level law are left out: at rest they
+vanish.
 """
 
 from __future__ import annotations
@@ -47,6 +48,11 @@ class AxesCompensator:
         self._decoupling = np.linalg.inv(gain)
         self._axes = tuple(Compensator(axis) for axis in model.axes)
 
+    @property
+    def not_inverted(self) -> tuple[tuple[tuple[str, str], ...], ...]:
+        """Name and reason of what each input's own model holds and is left as it is."""
+        return tuple(axis.not_inverted for axis in self._axes)
+
     def initial_state(self) -> tuple[ModelState, ...]:
         """Return the state at rest."""
         return tuple(axis.initial_state() for axis in self._axes)
@@ -66,9 +72,12 @@ class AxesCompensator:
             raise ParameterError(
                 "targets do not fit", where="desired_um", value=desired.shape, allowed=f"(n_samples, {len(self._axes)})"
             )
+        return self.own_voltages(steps_s, self.decoupled_um(desired), state)
+
+    def own_voltages(self, steps_s: Array, own_um: Array, state: tuple[ModelState, ...] | None = None) -> Array:
+        """Return the voltages [V] of what each input's own model must move [um], both (n_samples, n_axes)."""
         states = self.initial_state() if state is None else state
-        own = self.decoupled_um(desired)
-        columns = [axis.run(steps_s, own[:, i], states[i]) for i, axis in enumerate(self._axes)]
+        columns = [axis.run(steps_s, own_um[:, i], states[i]) for i, axis in enumerate(self._axes)]
         return np.stack(columns, axis=1)
 
     def advance(self, state: tuple[ModelState, ...], desired_um: Array, step_s: float) -> Array:
