@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from fomrc_core.compute.arrays import Array
     from fomrc_core.model.axes import AxesCompensator
@@ -50,6 +48,8 @@ def axes_columns(waveforms: tuple[Waveform, ...]) -> dict[str, Array]:
 
 
 def _static(compensator: AxesCompensator, time_s: Array, desired_um: Array) -> tuple[Waveform, ...]:
+    import numpy as np
+
     from fomrc_core.model.known_target import KnownTarget
     from fomrc_core.model.waveform import Waveform
 

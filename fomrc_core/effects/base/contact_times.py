@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.evidence import RecordEvidence
 
 _MEDIAN_TO_RMS = 1.4826  # of normal numbers
 _JUMP = 6.0  # rms of what changes from sample to sample: no normal number in a long record is as large
 _STANDS = 4.0  # noise: how far a reading strays from a level
 _MOST = 12  # openings of a record; more that look like it are the way of the stage, as play at every turn
+_MOST_TRIED = 300  # jumps, the largest: of more the lead's are among them, or it is not what is wrong
 _LEAST_SAMPLES = 3  # that stand: two alike are chance
 _CREEPS = 0.1  # of what the drive has done meanwhile: how far the level itself may stray
 _GOES_ON = 0.3  # of the drive's step: less is a stage that stands
@@ -29,6 +31,8 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     jumps_um = np.diff(record.residual_um)
     noise_um = max(noise_um, _MEDIAN_TO_RMS * float(np.median(np.abs(jumps_um))) / np.sqrt(2.0))
     jumped = np.flatnonzero(np.abs(jumps_um) > _JUMP * np.sqrt(2.0) * noise_um) + 1
+    if jumped.size > _MOST_TRIED:
+        jumped = np.sort(jumped[np.argsort(-np.abs(jumps_um[jumped - 1]))[:_MOST_TRIED]])
     span_v = float(np.ptp(record.voltage_v))
     um_per_v = float(np.ptp(record.predicted_um)) / span_v if span_v > 0.0 else 0.0
     found: list[tuple[float, float]] = []
@@ -42,7 +46,9 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
         # it misses what the drive does, and gets it back
         after = slice(end, end + max((end - begin) // 2, _LEAST_SAMPLES))  # behind a lag it takes some samples
-        back = (measured_um[after] - measured_um[end - 1]) / (moved_um[after] - moved_um[begin])
+        due_um = moved_um[after] - moved_um[begin]
+        back_um = measured_um[after] - measured_um[end - 1]
+        back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
         is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
         is_left = abs(measured_um[end] - measured_um[end - 1]) > _CREEPS * abs(moved_um[end] - moved_um[begin])
         if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
@@ -60,6 +66,7 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     return tuple(pair[0] for pair in found), tuple(pair[1] for pair in found)
 
 
+@compiled
 def _begin_of_level(measured_um: Array, moved_um: Array, end: int, reach_um: float) -> int:
     """Return the first sample of the level that ends before this one, on which the drive goes its way."""
     total, n, farthest_um = 0.0, 0, 0.0
