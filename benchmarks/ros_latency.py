@@ -32,6 +32,13 @@ from fomrc_ros.node.runtime import make_executor
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 MODEL = REPOSITORY / "config" / "pi_p753_table1.yaml"
+DYNAMICS = {
+    "model.effects": ["amplifier_bandwidth", "mechanical_resonance", "transport_delay"],
+    "model.amplifier_bandwidth.cutoff_hz": 500.0,
+    "model.mechanical_resonance.frequency_hz": 300.0,
+    "model.mechanical_resonance.damping_ratio": 0.02,
+    "model.transport_delay.delay_s": 5e-4,
+}
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
@@ -62,6 +69,7 @@ def main() -> int:
     parser.add_argument("--duration", type=float, default=20.0, help="seconds measured")
     parser.add_argument("--rate", type=float, default=1000.0, help="Hz")
     parser.add_argument("--plant", default="fomrc", choices=("fomrc", "electromechanical"))
+    parser.add_argument("--fast", action="store_true", help="with a resonance, a preview of 20 ms and a sensor")
     options = parser.parse_args()
     environment, context, watcher, executor = watching()
     statuses: dict[str, list[dict[str, str]]] = {"compensator": [], "simulated_pea": []}
@@ -82,13 +90,17 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         logs = Path(folder)
         common = {"rate_hz": options.rate}
+        fast = {**DYNAMICS, "preview_s": 0.02, "feedback": True, "feedback_bandwidth_hz": 1.0} if options.fast else {}
+        dynamics = DYNAMICS if options.fast else {}
         nodes = {
-            "compensator": NodeProcess("fomrc_ros.compensator", "/", [MODEL], common, environment, logs / "c"),
+            "compensator": NodeProcess(
+                "fomrc_ros.compensator", "/", [MODEL], {**common, **fast}, environment, logs / "c"
+            ),
             "simulated_pea": NodeProcess(
                 "fomrc_ros.simulated_stage",
                 "/",
                 [MODEL],
-                {**common, "plant": options.plant},
+                {**common, **dynamics, "plant": options.plant},
                 environment,
                 logs / "s",
             ),

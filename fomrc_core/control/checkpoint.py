@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import math
 import os
 import queue
 import re
@@ -38,7 +39,9 @@ LARGEST_CHECKPOINT_BYTES = 4_000_000
 # Eight digits of the checksum, then JSON that begins with the format.
 _HEADER = re.compile(rb'[0-9a-f]{8}\n\{"format": "fomrc compensator checkpoint ')
 _HEADER_BYTES = 64
-_RECORD = struct.Struct("<ddddd")  # wall time [s], step [s], desired [um], second axis or NaN, voltage [V]
+# Wall time [s], step [s], desired [um], second axis or NaN, voltage [V]; where the step is zero, what a sensor has added
+# from then on [um] in place of the desired.
+_RECORD = struct.Struct("<ddddd")
 _CHECK = struct.Struct("<I")
 _RECORD_BYTES = _RECORD.size + _CHECK.size
 _LARGEST_JOURNAL_BYTES = 200_000_000
@@ -54,7 +57,7 @@ class Resumed:
         target_um: last displacement followed [um].
         down_time_s: time between the last tick and now [s].
         is_exact: whether the model is the one the memory was kept for, or differs in a way that carries over.
-        correction_um: what a sensor had added to where the stage was to go, at the snapshot [um].
+        correction_um: what a sensor had added to where the stage was to go [um].
     """
 
     memory: ActuatorMemory
@@ -94,6 +97,7 @@ class CheckpointWriter:
                     entry.unlink(missing_ok=True)
         except OSError as error:
             raise StorageError(f"cannot be written: {error.strerror}", where=str(path.parent)) from None
+        self._correction_um = 0.0  # as noted last
         self._queue: queue.Queue[tuple[int, dict[str, Any]] | None] = queue.Queue(maxsize=2)
         self._thread = threading.Thread(target=self._write_snapshots, name="checkpoint", daemon=True)
         self._thread.start()
@@ -124,8 +128,10 @@ class CheckpointWriter:
         now = time.time()
         for move in moves:
             if self._journal >= 0:
-                record = _RECORD.pack(now, *move)
-                self._append(record + _CHECK.pack(zlib.crc32(record)))
+                self._append(_RECORD.pack(now, *move))
+        if correction_um != self._correction_um and self._journal >= 0:
+            self._correction_um = correction_um
+            self._append(_RECORD.pack(now, 0.0, correction_um, math.nan, voltage_v))
         is_due = now >= self._next_snapshot_s or now < self._next_snapshot_s - self._period_s
         if is_discontinuous or (is_due and not self._queue.full()):
             self._next_snapshot_s = now + self._period_s
@@ -133,6 +139,7 @@ class CheckpointWriter:
             content = _snapshot(compensator, memory, voltage_v, desired_um, now)
             content |= {"sequence": self._sequence, "journal_bytes": self._journal_bytes}
             content |= {"correction_um": correction_um}
+            self._correction_um = correction_um
             self._queue.put((self._sequence, content))
         if is_discontinuous:
             # The journal does not tell of it, so it must be on disk before the next tick; rare enough.
@@ -147,6 +154,7 @@ class CheckpointWriter:
             self._journal = -1
 
     def _append(self, record: bytes) -> None:
+        record += _CHECK.pack(zlib.crc32(record))
         try:
             n_written = os.write(self._journal, record)
             if n_written < len(record):
@@ -228,7 +236,11 @@ def read_checkpoint(path: Path, compensator: Compensator, period_s: float) -> Re
     for journal in sorted(_journals(path), key=_journal_number):
         if _journal_number(journal) >= sequence:
             n_before = n_bytes_before // _RECORD_BYTES if _journal_number(journal) == sequence else 0
-            for wall_s, step_s, desired_um, cross, voltage_v in _records(journal)[n_before:]:  # noqa: B007
+            for wall_s, step_s, noted_um, cross, voltage_v in _records(journal)[n_before:]:  # noqa: B007
+                if step_s == 0.0:
+                    correction_um = noted_um
+                    continue
+                desired_um = noted_um
                 memory.advance(old, desired_um, step_s, cross)
     down_time_s = time.time() - wall_s
     if down_time_s < -1.0:
@@ -331,7 +343,7 @@ def _records(journal: Path) -> list[tuple[float, float, float, float, float]]:
         record = content[at : at + _RECORD.size]
         (check,) = _CHECK.unpack(content[at + _RECORD.size : at + _RECORD_BYTES])
         values = _RECORD.unpack(record)
-        if check != zlib.crc32(record) or not (np.all(np.isfinite((*values[:3], values[4]))) and values[1] > 0.0):
+        if check != zlib.crc32(record) or not (np.all(np.isfinite((*values[:3], values[4]))) and values[1] >= 0.0):
             raise StorageError("journal is damaged", where=where, value=f"record {at // _RECORD_BYTES}")
         records.append(values)
     return records

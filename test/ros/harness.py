@@ -311,7 +311,8 @@ def journal_records(checkpoint: Path) -> np.ndarray:
     for journal in sorted(checkpoint.parent.glob(checkpoint.name + ".journal.*"), key=lambda p: int(p.suffix[1:])):
         content = journal.read_bytes()
         rows += [struct.unpack_from("<ddddd", content, at) for at in range(0, len(content) - 43, 44)]
-    return np.array(rows)[:, [0, 1, 2, 4, 3]]
+    # one with a step of zero tells what a sensor has added
+    return np.array([row for row in rows if row[1] > 0.0])[:, [0, 1, 2, 4, 3]]
 
 
 def in_ticks(records: np.ndarray) -> np.ndarray:

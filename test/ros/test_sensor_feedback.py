@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from itertools import pairwise
 
-from harness import model_file
+import numpy as np
+from harness import in_ticks, journal_records, model_file
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from small_model import MODEL
 from std_msgs.msg import Bool
@@ -68,3 +70,46 @@ def test_a_bandwidth_the_resonance_does_not_bear_is_refused_at_start(tmp_path, s
     node = start("compensator", file, preview_s=1.5)
     assert node.wait_for_exit() == 2
     assert "preview_s" in node.output()
+
+
+def test_a_swap_and_a_kill_with_preview_and_sensor_make_no_jump(tmp_path, probe, start):
+    dynamics = {
+        "effects": ["amplifier_bandwidth", "mechanical_resonance"],
+        "amplifier_bandwidth": {"cutoff_hz": 80.0},
+        "mechanical_resonance": {"frequency_hz": 50.0, "damping_ratio": 0.1},
+    }
+    limits = {"slew_limit_v_per_s": SLEW_V_PER_S, "stop_policy": "hold", "stale_after_s": 0.0}
+    file = model_file(tmp_path / "model.yaml", MODEL | dynamics, **limits)
+    options = {"rate_hz": 500.0, "preview_s": 0.03, "feedback": True, "feedback_bandwidth_hz": 1.0}
+    options |= {"checkpoint_file": tmp_path / "memory", "checkpoint_period_s": 3600.0}
+    node = start("compensator", file, **options)
+    start("simulated_pea", model_file(tmp_path / "plant.yaml", OFF | dynamics), plant="fomrc", rate_hz=500.0)
+    heard, seen = probe.record("voltage"), probe.record("displacement")
+    publisher = probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 1e-6 * math.sin(6.0 * t), 1.0)
+
+    def is_there() -> bool:
+        return abs(sum(entry[1].data for entry in seen[-50:]) / 50 - 0.8e-6) < 3e-9
+
+    probe.drive(publisher, lambda t: 0.8e-6, 0.3)
+    probe.until(is_there, "the stage where it is wanted")
+    assert probe.set_one(node.name, "model.kappa_um_per_v", OFF["kappa_um_per_v"]).successful
+    probe.until(lambda: probe.diagnostics[node.name].get("swapping") == "False", "swap done")
+    probe.until(is_there, "the stage where it is wanted, the model swapped")
+    probe.drive(publisher, lambda t: 0.8e-6, 0.2)
+    ticks = in_ticks(journal_records(tmp_path / "memory"))
+    assert np.max(np.abs(np.diff(ticks[:, 3])) / ticks[1:, 1]) <= SLEW_V_PER_S * (1.0 + 1e-9)
+    assert probe.diagnostics[node.name]["feedback"] == "closed"
+
+    last_v = heard[-1][1].data
+    node.process.kill()
+    node.process.wait()
+    heard.clear()
+    restarted = start("compensator", model_file(tmp_path / "swapped.yaml", OFF | dynamics, **limits), **options)
+    probe.until(lambda: len(heard) > 200, "voltage of the restarted one, without a new target")
+    volts = [entry[1].data for entry in heard]
+    assert abs(volts[0] - last_v) < 1e-3, "what was held while it was down"
+    # then what the stage crept meanwhile is taken back, which is some millivolts
+    assert max(abs(after - before) for before, after in pairwise(volts)) <= 2.0 * SLEW_V_PER_S / 500.0
+    probe.until(is_there, "the stage where it is wanted, after the restart")
+    assert "refused" not in restarted.output()

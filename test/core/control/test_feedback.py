@@ -216,3 +216,26 @@ def test_a_restart_goes_on_with_what_was_added(tmp_path):
     # Held where it was: creep goes on by less than a millivolt.
     assert abs(again.tick(PERIOD_S) - loop.voltage_v) < 1e-3
     assert abs(again.target_um - 2.0) < 3.0 * NOISE_UM
+
+
+def test_what_was_added_since_the_snapshot_is_in_the_journal(tmp_path):
+    bench = Bench(bandwidth_hz=1.0)
+    bench.run(STEP_UM[:100])
+    loop, file = bench.loop, tmp_path / "memory"
+    writer = CheckpointWriter(file, 3600.0)
+
+    def note(is_discontinuous: bool) -> None:
+        done = (loop.compensator, loop.memory, loop.moves, loop.followed_um, loop.voltage_v)
+        writer.note(*done, correction_um=loop.correction_um, is_discontinuous=is_discontinuous)
+
+    note(True)
+    for added_um in (-0.03, -0.04, -0.05):
+        loop.correction_um = added_um
+        loop.tick(PERIOD_S)
+        note(False)
+    writer.close()
+    resumed = read_checkpoint(file, loop.compensator, PERIOD_S)
+    assert resumed is not None
+    assert resumed.correction_um == -0.05
+    assert resumed.voltage_v == loop.voltage_v
+    assert abs(resumed.target_um - loop.followed_um) < 1e-12
