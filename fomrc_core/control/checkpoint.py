@@ -39,8 +39,8 @@ LARGEST_CHECKPOINT_BYTES = 4_000_000
 # Eight digits of the checksum, then JSON that begins with the format.
 _HEADER = re.compile(rb'[0-9a-f]{8}\n\{"format": "fomrc compensator checkpoint ')
 _HEADER_BYTES = 64
-# Wall time [s], step [s], desired [um], second axis or NaN, voltage [V]; where the step is zero, what a sensor has added
-# from then on [um] in place of the desired.
+# Wall time [s], step [s], desired [um], second axis or NaN, voltage [V]; where the step is zero, what a sensor
+# has added from then on [um] in place of the desired.
 _RECORD = struct.Struct("<ddddd")
 _CHECK = struct.Struct("<I")
 _RECORD_BYTES = _RECORD.size + _CHECK.size
