@@ -11,7 +11,7 @@ from fomrc_core.errors import RecordingError
 from fomrc_core.records.quality.clock import clock_faults
 from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, recurring_step_um
 from fomrc_core.records.quality.drive_part import drive_part
-from fomrc_core.records.quality.excursions import Surroundings, find_excursions
+from fomrc_core.records.quality.excursions import N_BURST_MAX, Surroundings, find_excursions
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.recording import Recording
 
@@ -68,7 +68,7 @@ def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     step_um = recurring_step_um(recording.measured_um[valid])
     around = Surroundings.of(recording.voltage_v, left, followed, step_um, float(np.ptp(recording.measured_um)))
     is_spike = find_excursions(around) & valid
-    is_spike &= ~_stand_still(recording.measured_um, is_spike, around.floor_um)
+    is_spike &= ~_stand_still(recording.measured_um, left, is_spike, around.floor_um)
     faults: tuple[DataFault, ...] = ()
     if np.any(is_spike):
         faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)
@@ -109,22 +109,26 @@ def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[Da
     return found
 
 
-def _stand_still(readings_um: Array, is_spike: Mask, floor_um: float) -> Mask:
-    """Return which samples of bursts stand where the reading before the burst stands.
+def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: float) -> Mask:
+    """Return which samples of bursts stand where the readings before the burst have stood for as long and longer.
 
     It is the model that has moved away there: where a stage misses what its drive does, the last readings before it
-    comes back lie farthest from the model. A spike leaves the reading before it.
+    comes back lie farthest from the model, and those before them lie ever farther. A spike leaves the reading before
+    it; a reading that came twice, as where a reader or a voltage was late, has not stood while the model moved.
 
     Args:
         readings_um: of the record [um], shape (n_samples,).
+        left_um: what a model left of them [um], shape (n_samples,).
         is_spike: samples of bursts, shape (n_samples,).
         floor_um: largest change that noise makes [um].
     """
     stand = np.zeros(is_spike.size, dtype=np.bool_)
     edges = np.flatnonzero(np.diff(is_spike.astype(np.int8), prepend=0, append=0))
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        if first > 0 and np.all(np.abs(readings_um[first:stop] - readings_um[first - 1]) <= floor_um):
-            stand[first:stop] = True
+        since = first - 1 - N_BURST_MAX
+        if since < 0 or abs(left_um[first - 1] - left_um[since]) <= floor_um:
+            continue
+        stand[first:stop] = np.all(np.abs(readings_um[since:stop] - readings_um[first - 1]) <= floor_um)
     return stand
 
 
