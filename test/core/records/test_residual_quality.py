@@ -1,4 +1,4 @@
-"""What a first fit leaves: a reading that was late is an excursion, a stage that stands while its drive moves is none."""
+"""What a first fit leaves: a late reading is an excursion, a stage that stands while its drive moves is none."""
 
 from __future__ import annotations
 
