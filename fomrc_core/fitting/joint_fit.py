@@ -30,7 +30,7 @@ from fomrc_core.fitting.linear_part import (
     tangent,
 )
 from fomrc_core.fitting.trial_model import TrialModel, predict_passing
-from fomrc_core.model.simulation import Passage
+from fomrc_core.model.simulation import Before, Passage
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ def _directions(
             try:
                 other = parameter.set(chain, parameter.value(float(coordinates[k] + step)))
                 changes = {
-                    i: predict_passing(other, record, i, before=passages[i], since=since)[0] - base[i]
+                    i: predict_passing(other, record, i, before=Before(passages[i], since))[0] - base[i]
                     for i, record in enumerate(records)
                     if parameter.index in (None, i)
                 }

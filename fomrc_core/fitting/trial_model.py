@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.effects import Effect, Stage, in_chain_order
+from fomrc_core.effects import Effect, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.model.prehistory import Prehistory
-from fomrc_core.model.simulation import ElementDrive, Passage, pass_chain, relaxed_state, settle_chain
+from fomrc_core.model.simulation import Before, ElementDrive, Passage, pass_chain, relaxed_state, settle_chain
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import SHORTEST_TIME_S, CreepModes, creep_modes
@@ -195,17 +195,15 @@ def predict(trial: TrialModel, record: FitRecord, index: int, is_coarse: bool = 
         index: which record it is, for what belongs to it.
         is_coarse: divide jumps only, where the record's steps are divided at all.
     """
-    return predict_passing(trial, record, index, is_coarse=is_coarse)[0]
+    return predict_passing(trial, record, index, is_coarse)[0]
 
 
 def predict_passing(
     trial: TrialModel,
     record: FitRecord,
     index: int,
-    *,
     is_coarse: bool = False,
-    before: Passage | None = None,
-    since: Stage = Stage.SAMPLED_DRIVE,
+    before: Before | None = None,
 ) -> tuple[Array, Passage]:
     """Return the displacement [um] a model gives for a record, and what the stages of its chain handed on.
 
@@ -214,10 +212,8 @@ def predict_passing(
         record: the record.
         index: which record it is, for what belongs to it.
         is_coarse: divide jumps only, where the record's steps are divided at all.
-        before: of a model that differs from this one in effects of the stage ``since`` and later ones only.
-        since: the first stage that differs; the first of all where nothing was before.
+        before: the run of another model over the same record to go on from; None where there is none.
     """
-    # Many arguments: those of predict, and the run before.
     is_coarser = is_coarse and record.substeps is Substeps.BENDS
     effects = trial.effects_in(index)
     state, at_creep = relaxed_trial(trial, effects)
@@ -232,5 +228,4 @@ def predict_passing(
         substeps=Substeps.JUMPS if is_coarser else record.substeps,
         covariates=record.covariates,
         before=before,
-        since=since,
     )

@@ -83,6 +83,19 @@ class Passage:
     sensed_um: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Before:
+    """A run over the same drive that a chain goes on from.
+
+    Attributes:
+        passage: what the stages of that chain handed on.
+        since: the first stage in which this chain differs from that one.
+    """
+
+    passage: Passage
+    since: Stage
+
+
 def drive_at_elements(
     state: ModelState,
     effects: tuple[Effect, ...],
@@ -223,8 +236,7 @@ def pass_chain(
     *,
     substeps: Substeps,
     covariates: Covariates = NO_COVARIATES,
-    before: Passage | None = None,
-    since: Stage = Stage.SAMPLED_DRIVE,
+    before: Before | None = None,
 ) -> tuple[Array, Passage]:
     """Return the displacement [um] a chain gives, shape (n_samples,), and what its stages handed on.
 
@@ -235,27 +247,27 @@ def pass_chain(
         sampled: the drive at the samples.
         substeps: how steps are divided.
         covariates: what is known beside the drive.
-        before: of a chain over the same drive that differs from this one from the stage ``since`` on only.
-        since: the first stage that differs; the first of all where nothing was before.
+        before: the run to go on from; None where there is none.
     """
     # Many arguments: those of run_chain, and the run before.
     n_least = max((effect.least_parts(effects) for effect in effects), default=1)
-    if before is None or before.n_least != n_least:
-        since = Stage.SAMPLED_DRIVE
-    if before is None or since <= Stage.SAMPLED_DRIVE:
-        divided = _divided(state, effects, sampled, substeps, None)
+    known, since = (None, Stage.SAMPLED_DRIVE) if before is None else (before.passage, before.since)
+    if known is not None and known.n_least != n_least:
+        known = None
+    if known is not None and since > Stage.SAMPLED_DRIVE:
+        divided = known.divided
     else:
-        divided = before.divided
-    driven = before.driven if before is not None and since > Stage.DRIVE else _driven(state, effects, divided)
-    if before is None or since <= Stage.HYSTERESIS:
+        divided = _divided(state, effects, sampled, substeps, None)
+    driven = known.driven if known is not None and since > Stage.DRIVE else _driven(state, effects, divided)
+    if known is not None and since > Stage.HYSTERESIS:
+        elements, moved_um = known.elements, known.moved_um
+    else:
         elements = _warped(state, effects, driven)
         moved_um = _of_elements(state, at_creep, effects, elements)
+    if known is not None and since > Stage.MECHANICAL:
+        sensed_um = known.sensed_um
     else:
-        elements, moved_um = before.elements, before.moved_um
-    if before is None or since <= Stage.MECHANICAL:
         sensed_um = elements.at_samples(_of_mechanics(state, effects, moved_um, elements.steps_s))
-    else:
-        sensed_um = before.sensed_um
     seen_um = sensed_um
     for effect in of_stage(effects, Stage.SENSED):
         seen_um = effect.run(state.effects[effect.name], seen_um, sampled.steps_s, covariates.of(effect.covariate))

@@ -50,7 +50,10 @@ def test_stopped_it_goes_on_where_it_was(here: Path, how: signal.Signals, capsys
     unfinished = here / "m.yaml.unfinished"
     command = [sys.executable, "-m", "fomrc_core.cli", *_words("m.yaml")]
     process = subprocess.Popen(command, cwd=here, stderr=subprocess.PIPE, text=True, env={**os.environ})
-    while not unfinished.exists() and process.poll() is None:
+    deadline = time.monotonic() + 60.0
+    while not unfinished.exists():
+        assert process.poll() is None, "it ended before it had kept anything"
+        assert time.monotonic() < deadline, "nothing was kept within a minute"
         time.sleep(0.005)
     process.send_signal(how)
     said = process.communicate(timeout=60)[1]
