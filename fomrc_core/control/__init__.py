@@ -10,6 +10,7 @@ __all__ = [
     "compensation_loop",
     "feedback",
     "gain_margin",
+    "heard_stage",
     "held_inputs",
     "loop_account",
     "loop_timing",

@@ -35,9 +35,9 @@ _N_ABOUT = 2 * _N_SAMPLES_LATE + 1
 
 
 def model_error_um(model: PiezoModel, recording: Recording) -> Array:
-    """Return measured minus predicted displacement [um], offset removed, shape (n_samples,)."""
+    """Return measured minus predicted displacement [um] where it counts, offset removed, shape (n_valid,)."""
     predicted_um = simulate_from(model, recording, estimate_start(model, recording))
-    error = residual_um(recording.measured_um, predicted_um)
+    error = residual_um(recording.measured_um, predicted_um)[recording.valid_samples]
     return np.asarray(error - np.mean(error))
 
 
@@ -49,7 +49,8 @@ def why_refused(model: PiezoModel, recording: Recording, *, in_force: PiezoModel
         recording: what was driven and measured.
         in_force: the model it is to take the place of, None where there is none.
     """
-    voltage_v, measured_um = recording.voltage_v, recording.measured_um
+    valid = recording.valid_samples
+    voltage_v, measured_um = recording.voltage_v[valid], recording.measured_um[valid]
     spread_um = float(np.std(measured_um))
     if not spread_um > 0.0:
         return "the displacement did not move"

@@ -7,15 +7,13 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from fomrc_core.control.heard_stage import heard_recording
 from fomrc_core.errors import FomrcError
 from fomrc_core.records.recording import Recording
 from fomrc_ros.conversions import PositionInterface
 from fomrc_ros.node.inbox import Inbox
 from fomrc_ros.node.voltage_interface import VoltageInterface
 
-# Lags tried when voltage and displacement are brought together: message, stage and message again.
-_LONGEST_LAG_PERIODS = 20
-_LAGS_PER_PERIOD = 4
 # Two seconds at the fastest rate: taken many times a second, but a busy machine may be late.
 _DEPTH = 10_000
 _VOLTAGE = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
@@ -92,7 +90,7 @@ class StageRecorder:
         return sent, seen
 
     def recording(self, name: str, n_expected: int, period_s: float) -> Recording:
-        """Return what was driven and measured, brought to the times of the voltage.
+        """Return what was driven and measured, at the times of the displacements.
 
         Args:
             name: name of the recording.
@@ -107,13 +105,7 @@ class StageRecorder:
             raise FomrcError(f"only {len(sent)} voltages of {n_expected} heard of the compensator: is it driving?")
         if len(seen) < 0.5 * len(sent):
             raise FomrcError(f"only {len(seen)} displacements for {len(sent)} voltages: is the stage running?")
-        lag_s = best_lag_s(sent, seen, period_s)
-        inside = (sent[:, 0] + lag_s >= seen[0, 0]) & (sent[:, 0] + lag_s <= seen[-1, 0])
-        if np.count_nonzero(inside) < 10:
-            raise FomrcError("voltage and displacement were not measured at the same time: are both clocks set?")
-        time_s, voltage_v = with_held_voltage(sent[inside, 0], sent[inside, 1], period_s)
-        moved = np.interp(time_s + lag_s, seen[:, 0], seen[:, 1])
-        return Recording(time_s - time_s[0], voltage_v, moved, name=name)
+        return heard_recording(sent, seen, period_s, name)
 
 
 def _append(kept: list[tuple[float, float]], time_s: float, value: float) -> None:
@@ -121,40 +113,3 @@ def _append(kept: list[tuple[float, float]], time_s: float, value: float) -> Non
     if kept and time_s <= kept[-1][0]:
         time_s = float(np.nextafter(kept[-1][0], np.inf)) + 1e-9
     kept.append((time_s, value))
-
-
-def with_held_voltage(time_s: Array, voltage_v: Array, period_s: float) -> tuple[Array, Array]:
-    """Return times and voltages with missed ticks filled in: the voltage was held until the next one.
-
-    Args:
-        time_s: times at which voltages were sent [s], shape (n,).
-        voltage_v: the voltages [V], shape (n,).
-        period_s: nominal period [s].
-    """
-    times, voltages = [time_s[:1]], [voltage_v[:1]]
-    for k in range(1, time_s.size):
-        if time_s[k] - time_s[k - 1] > 2.0 * period_s:
-            missed = np.arange(time_s[k - 1] + period_s, time_s[k] - 0.5 * period_s, period_s)
-            times.append(missed)
-            voltages.append(np.full(missed.size, voltage_v[k - 1]))
-        times.append(time_s[k : k + 1])
-        voltages.append(voltage_v[k : k + 1])
-    return np.concatenate(times), np.concatenate(voltages)
-
-
-def best_lag_s(sent: Array, seen: Array, period_s: float) -> float:
-    """Return the lag [s] at which displacement follows voltage best.
-
-    Args:
-        sent: times [s] and voltages [V], shape (n_sent, 2).
-        seen: times [s] and displacements [um], shape (n_seen, 2).
-        period_s: nominal period [s].
-    """
-    change_v = np.diff(sent[:, 1])
-    best, best_score = 0.0, -np.inf
-    for k in range(_LONGEST_LAG_PERIODS * _LAGS_PER_PERIOD + 1):
-        lag_s = k * period_s / _LAGS_PER_PERIOD
-        score = float(change_v @ np.diff(np.interp(sent[:, 0] + lag_s, seen[:, 0], seen[:, 1])))
-        if score > best_score * (1.0 + 1e-6):
-            best, best_score = lag_s, score
-    return best

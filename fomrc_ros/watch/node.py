@@ -12,6 +12,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from fomrc_core.control.heard_stage import best_lag_s
 from fomrc_core.control.stage_stream import StageStream
 from fomrc_core.diagnosis.watch.model_watch import Alarm, Case, ModelWatch, WatchState
 from fomrc_core.errors import FomrcError
@@ -19,7 +20,7 @@ from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage import make_directory
 from fomrc_ros.conversions import position_interface
 from fomrc_ros.identification.compensator_client import CompensatorClient
-from fomrc_ros.identification.stage_recorder import StageRecorder, best_lag_s
+from fomrc_ros.identification.stage_recorder import StageRecorder
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters

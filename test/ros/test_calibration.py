@@ -185,6 +185,9 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     assert isinstance(heard[-1][1], Float64)
 
 
+# Where messages of a stage faster than real time are late on a busy machine its record is refused, as it should be.
+_ATTEMPTS = 3
+
 CLOCK = """
 import rclpy, signal, time
 from rosgraph_msgs.msg import Clock
@@ -197,7 +200,7 @@ while True:
     k += 1
     message.clock.sec, message.clock.nanosec = divmod(k * 5_000_000, 10**9)
     publisher.publish(message)
-    time.sleep(0.001)
+    time.sleep(0.002)
 """
 
 
@@ -209,8 +212,10 @@ def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start
         "relax_duration_s": 3.0,
     }
     file = model_file(tmp_path / "wrong.yaml", **options)
-    start("compensator", file, rate_hz=50.0)
-    start("simulated_pea", file, plant="fomrc", rate_hz=50.0)
+    compensator = start("compensator", file, rate_hz=50.0)
+    # The stage is another one than the compensator believes.
+    stage = MODEL | {"kappa_um_per_v": [1.2 * kappa for kappa in MODEL["kappa_um_per_v"]]}
+    start("simulated_pea", model_file(tmp_path / "stage.yaml", stage, **options), plant="fomrc", rate_hz=50.0)
     identification = start(
         "identification",
         file,
@@ -225,10 +230,16 @@ def test_joint_states_and_simulated_time_faster_than_real(tmp_path, probe, start
         moved = probe.record("displacement", JointState)
         probe.until(lambda: moved, "displacement", 30.0)
         begun_s, begun_sim_s = time.monotonic(), moved[-1][1].header.stamp.sec
-        answer = probe.trigger(f"{identification.name}/calibrate")
+        for _ in range(_ATTEMPTS):
+            answer = probe.trigger(f"{identification.name}/calibrate")
+            if answer.success:
+                break
+            print(answer.message)
         assert answer.success, answer.message
         elapsed_s, elapsed_sim_s = time.monotonic() - begun_s, moved[-1][1].header.stamp.sec - begun_sim_s
         print(f"{elapsed_sim_s} simulated seconds in {elapsed_s:.1f}: {answer.message}")
+        found = probe.get(compensator.name, "model.kappa_um_per_v")
+        assert abs(found[-1] / stage["kappa_um_per_v"][-1] - 1.0) < 0.02, found
         assert elapsed_sim_s > 20
         assert elapsed_sim_s > 1.2 * elapsed_s
     finally:
