@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fomrc_core.effects import Effect
-from fomrc_core.model.preview_inverse import joint_response
+from fomrc_core.model.loop_filters import joint_response
 
 LEAST_MARGIN = 2.0  # 6 dB
 # A voltage counts from the tick after a measurement on, is held for a period, and shows in the next measurement.

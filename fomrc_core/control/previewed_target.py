@@ -57,6 +57,8 @@ class PreviewedTarget:
             n = min(before.size, after.size)
             after[:] = before[0]
             after[after.size - n :] = before[before.size - n :]
+        if new.bends_v.shape == old.bends_v.shape:
+            new.bends_v[:] = old.bends_v
         new.is_followed, new.n_missed = old.is_followed, old.n_missed
 
     def begin(self, state: ModelState, position_um: float, voltage_v: float) -> None:
@@ -92,7 +94,11 @@ class PreviewedTarget:
 
     def inner_after(self, voltage_v: float) -> float:
         """Return what the amplifier makes of a voltage [V] driven in place of what was planned."""
-        self._inner_v = voltage_v if self._window is None else self.preview.inner_after(self._window, voltage_v)
+        if self._window is None:
+            self._inner_v = voltage_v
+        else:
+            self._window.forget_plan()
+            self._inner_v = self.preview.inner_after(self._window, voltage_v)
         return self._inner_v
 
     def note(self, voltage_v: float) -> None:

@@ -45,8 +45,8 @@ class SensorGuard:
     def is_stale(self, now_s: float) -> bool:
         """Return whether no measurement that can be believed has come for two periods; ``problem`` says so then."""
         # What stands apart is waited for, whether others agree with it.
-        n_periods = _AGREEING + 1.0 if self._apart else _STALE_PERIODS
-        if now_s - self._heard_s <= (n_periods + 0.5) * self.period_s:
+        n_periods = _AGREEING + 1.5 if self._apart else _STALE_PERIODS
+        if now_s - self._heard_s <= n_periods * self.period_s:
             return False
         if not self.problem:
             self.problem = f"no measurement for {1e3 * (now_s - self._heard_s):.3g} ms"

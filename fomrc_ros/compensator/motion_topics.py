@@ -19,6 +19,7 @@ from fomrc_ros.node.quality_of_service import LATCHED, MEASUREMENT, overridable
 from fomrc_ros.parameters.compensator import CompensatorSettings
 
 _SAID_AGAIN_AFTER_S = 5.0
+_MISSED_AFTER_S = 2.0  # a sensor that begins beside the node is heard by then
 
 
 class MotionTopics:
@@ -37,6 +38,9 @@ class MotionTopics:
         self._node, self._interface, self._period_s = node, interface, period_s
         self._motion = StageMotion(None, None)
         self._was_closed = False
+        self._misses_since_s: float | None = (
+            math.nan
+        )  # the first measurement: nan before the first tick, None once told
         self._told: bool | None = None
         self._publisher = node.create_publisher(Bool, "~/arrived", LATCHED)
         if settings.feedback_bandwidth_hz:
@@ -77,6 +81,7 @@ class MotionTopics:
         if loop is None or feedback is None:
             return
         self._motion.before_tick(loop, self._now_s())
+        self._tell_missing(feedback)
         if feedback.is_closed != self._was_closed:
             self._was_closed = feedback.is_closed
             logger, text = self._node.get_logger(), f"feedback {self._state(feedback)}"
@@ -85,6 +90,18 @@ class MotionTopics:
                 logger.info(text, throttle_duration_sec=_SAID_AGAIN_AFTER_S)
             else:
                 logger.warning(text, throttle_duration_sec=_SAID_AGAIN_AFTER_S)
+
+    def _tell_missing(self, feedback: Feedback) -> None:
+        """Tell once where no sensor is there at all: nothing opens then, for nothing was closed."""
+        if self._misses_since_s is None:
+            return
+        if math.isnan(self._misses_since_s):
+            self._misses_since_s = self._now_s()
+        if math.isfinite(feedback.displacement_um):
+            self._misses_since_s = None
+        elif self._now_s() - self._misses_since_s > _MISSED_AFTER_S:
+            self._misses_since_s = None
+            self._node.get_logger().warning(f"feedback {self._state(feedback)}: nothing is added without a sensor")
 
     def after_tick(self, loop: CompensationLoop | None) -> None:
         """Follow what was driven; tell where the stage has arrived, or no longer is there."""

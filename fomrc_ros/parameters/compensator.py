@@ -243,9 +243,9 @@ class SettingsBuilder:
     def _feedback_bandwidth_hz(self, values: Mapping[str, Any]) -> float:
         """Return the bandwidth [Hz]; raises ParameterError where the model does not bear it."""
         bandwidth_hz: float = values["feedback_bandwidth_hz"]
-        if self._model is None:
-            return bandwidth_hz
-        largest_hz = largest_bandwidth_hz(self._model.effects, 1.0 / values["rate_hz"])
+        # Without a model as with one that has no dynamics: the loop's own two periods count.
+        effects = () if self._model is None else self._model.effects
+        largest_hz = largest_bandwidth_hz(effects, 1.0 / values["rate_hz"])
         if bandwidth_hz > largest_hz:
             raise ParameterError(
                 "gain margin below 6 dB by the model",

@@ -40,7 +40,8 @@ def test_the_sensor_takes_what_the_model_lacks_and_may_fail(tmp_path, probe, sta
     # 95 nm for the gain alone (test/core/control/test_feedback.py); voltages that a busy machine lost on their way put
     # the memory of the stage apart from the model's, which the sensor takes as well.
     probe.until(lambda: is_there() and added(probe, node) < -0.03, "the correction for a gain 5 % off")
-    assert probe.diagnostics[node.name]["feedback"] == "closed"
+    # a machine that holds a reading up opens the loop for as long
+    probe.until(lambda: probe.diagnostics[node.name]["feedback"] == "closed", "the loop closed")
 
     stage.process.send_signal(signal.SIGSTOP)
     probe.until(lambda: "no measurement" in probe.diagnostics[node.name]["feedback"], "the sensor missed")
@@ -70,6 +71,19 @@ def test_a_bandwidth_the_resonance_does_not_bear_is_refused_at_start(tmp_path, s
     node = start("compensator", file, preview_s=1.5)
     assert node.wait_for_exit() == 2
     assert "preview_s" in node.output()
+    node = start("compensator", model_file(tmp_path / "plain.yaml"), feedback=True, feedback_bandwidth_hz=2000.0)
+    assert node.wait_for_exit() == 2
+    assert "feedback_bandwidth_hz: gain margin below 6 dB by the model, got 2000.0" in node.output()
+
+
+def test_where_there_is_no_sensor_it_says_so_once(tmp_path, probe, start):
+    node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0, feedback=True)
+    heard, publisher = probe.record("voltage"), probe.publisher("desired_position")
+    probe.drive(publisher, lambda t: 1e-6, 4.0)
+    said = "feedback open: no measurement yet: nothing is added without a sensor"
+    assert node.output().count(said) == 1
+    assert "open: no measurement yet" in probe.diagnostics[node.name]["feedback"]
+    assert heard[-1][1].data > 0.1, "it follows the target all the same"
 
 
 def test_a_swap_and_a_kill_with_preview_and_sensor_make_no_jump(tmp_path, probe, start):
@@ -99,7 +113,7 @@ def test_a_swap_and_a_kill_with_preview_and_sensor_make_no_jump(tmp_path, probe,
     probe.drive(publisher, lambda t: 0.8e-6, 0.2)
     ticks = in_ticks(journal_records(tmp_path / "memory"))
     assert np.max(np.abs(np.diff(ticks[:, 3])) / ticks[1:, 1]) <= SLEW_V_PER_S * (1.0 + 1e-9)
-    assert probe.diagnostics[node.name]["feedback"] == "closed"
+    probe.until(lambda: probe.diagnostics[node.name]["feedback"] == "closed", "the loop closed")
 
     last_v = heard[-1][1].data
     node.process.kill()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from small_model import MODEL
 
+from benchmarks import fast_sensor
 from fomrc_core.control.checkpoint import CheckpointWriter, read_checkpoint
 from fomrc_core.control.compensation_loop import CompensationLoop, LoopSettings
 from fomrc_core.control.feedback import Feedback
@@ -18,8 +19,9 @@ from fomrc_core.control.stage_motion import StageMotion
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.model.loop_filters import joint_response
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.preview_inverse import PreviewInverse, joint_response
+from fomrc_core.model.preview_inverse import PreviewInverse
 
 PERIOD_S = 1e-3
 NOISE_UM = 1e-3
@@ -239,3 +241,12 @@ def test_what_was_added_since_the_snapshot_is_in_the_journal(tmp_path):
     assert resumed.correction_um == -0.05
     assert resumed.voltage_v == loop.voltage_v
     assert abs(resumed.target_um - loop.followed_um) < 1e-12
+
+
+@pytest.mark.parametrize("name", fast_sensor.FAILURES)
+def test_whatever_fails_no_step_is_beyond_the_slew_limit_and_a_cut_opens_within_two_periods(name):
+    failed = fast_sensor.driven(fast_sensor.swinging_um(), fast_sensor.FAILURES[name])
+    print(name, failed.largest_step_v, failed.opened_after)
+    assert np.max(np.abs(np.diff(failed.voltage_v))) <= SLEW_V_PER_S * PERIOD_S + 1e-12
+    assert failed.opened_after <= {"cut": 2, "not a number": 2}.get(name, 10)
+    assert all(failed.is_closed[fast_sensor.FAILS_TO + 10 :])
