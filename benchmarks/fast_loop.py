@@ -1,4 +1,4 @@
-"""The live loop with a preview, a sensor and its arrival: what it gains, and what a tick costs.
+"""The live loop with a preview and its arrival: what it gains, and what a tick costs.
 
 python -m benchmarks.fast_loop
 """
@@ -15,7 +15,6 @@ from benchmarks.fast_scans import STEP_S, model, raster_um, step_profile_um, tru
 from benchmarks.subjects import table_1
 from fomrc_core.control.arrival import Arrival
 from fomrc_core.control.compensation_loop import CompensationLoop, LoopSettings
-from fomrc_core.control.feedback import Feedback
 from fomrc_core.control.stage_motion import StageMotion
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.model.compensator import Compensator
@@ -83,27 +82,6 @@ def tick_us(known: PiezoModel) -> float:
     return 1e6 * best_s
 
 
-def with_sensor(bandwidth_hz: float = 20.0) -> tuple[float, float]:
-    """Error [um rms] from 50 ms after a load of 50 nm on, the model 5 % off; and that before the load.
-
-    The resonance is one of 900 Hz damped by 0.2: one of 300 Hz damped by 0.02 bears no more than 6 Hz.
-    """
-    known = model(mechanical_resonance={"frequency_hz": 900.0, "damping_ratio": 0.2})
-    stage = replace(known, kappa_um_per_v=1.05 * known.kappa_um_per_v)
-    loop, feedback = loop_of(known, PREVIEW_S), Feedback(bandwidth_hz, PERIOD_S)
-    motion, state = StageMotion(None, feedback), stage.initial_state()
-    noise_um = np.random.default_rng(1).normal(0.0, NOISE_UM, 1000)
-    off_um = []
-    for k in range(1000):
-        loop.set_target(2.0 if k >= 50 else 0.0)
-        motion.before_tick(loop, k * PERIOD_S)
-        true_um = stage.advance(state, loop.tick(PERIOD_S), PERIOD_S) + (0.05 if k >= 600 else 0.0)
-        motion.after_tick(loop, k * PERIOD_S)
-        feedback.take((k + 0.5) * PERIOD_S, true_um + noise_um[k])
-        off_um.append(true_um - 2.0)
-    return float(np.sqrt(np.mean(np.square(off_um[650:700])))), float(np.sqrt(np.mean(np.square(off_um[550:600]))))
-
-
 class SteppedTo(NamedTuple):
     """How a step of 4 um ends: arrival by the loop and on the stage [s], ringing there [um], from its end on."""
 
@@ -112,11 +90,11 @@ class SteppedTo(NamedTuple):
     ringing_um: float
 
 
-def stepped(tolerance_um: float, period_s: float = PERIOD_S) -> SteppedTo:
+def stepped(tolerance_um: float, period_s: float = PERIOD_S, preview_s: float = PREVIEW_S) -> SteppedTo:
     """A step of 4 um in 15 ms by a constant acceleration, then the same to stop, through a loop and on the stage."""
     rest_s, step_s = 0.05, 0.015
     target_um = step_profile_um(4.0, 16.0 / step_s**2, rest_s=2.0 * rest_s)[:: round(period_s / STEP_S)]
-    loop, arrival = loop_of(model(), PREVIEW_S, period_s), Arrival(tolerance_um)
+    loop, arrival = loop_of(model(), preview_s, period_s), Arrival(tolerance_um)
     motion, voltages, arrived = StageMotion(arrival, None), [], []
     for k, wanted_um in enumerate(target_um):
         loop.set_target(float(wanted_um))
@@ -126,7 +104,7 @@ def stepped(tolerance_um: float, period_s: float = PERIOD_S) -> SteppedTo:
     off_um = np.abs(truth().displacement_um(period_s, np.array(voltages)) - 4.0)
     away = np.flatnonzero(off_um > tolerance_um)[-1] + 1
     not_yet = np.flatnonzero(~np.array(arrived))[-1] + 1
-    ends_s = 2.0 * rest_s + step_s + PREVIEW_S
+    ends_s = 2.0 * rest_s + step_s + preview_s
     ringing_um = float(np.max(off_um[round(ends_s / period_s) + 1 :]))
     return SteppedTo(float(not_yet * period_s - ends_s), float(away * period_s - ends_s), ringing_um)
 
@@ -142,9 +120,6 @@ def main() -> None:
         print(f"    of hysteresis and creep alone {alone:.3g} %")
     elements = replace(table_1(), effects=known.effects)
     print(f"tick with amplifier, resonance, delay and 10 elements: {tick_us(elements):.2f} us (bar 5 us)")
-    loaded_um, before_um = with_sensor()
-    print(f"feedback of 20 Hz, model 5 % off: {1e3 * before_um:.2f} nm before a load of 50 nm,")
-    print(f"  {1e3 * loaded_um:.2f} nm from 50 ms after it on (bar {3e3 * NOISE_UM:g} nm)")
     for period_s in (PERIOD_S, 0.5 * PERIOD_S):
         for tolerance_um in (0.04, 0.02, 0.004):
             step = stepped(tolerance_um, period_s)

@@ -1,7 +1,8 @@
 """A fast stage that shares no code with the project: plays, creep, amplifier, a mass that rings, a delay.
 
-Voltage straight between samples; each step in 40 parts. The amplifier and the mass are discretised by scipy for inputs
-linear over a part, creep is the convolution with its full memory, and plays are clipped one part after the other.
+Voltage straight between samples, or held from each on; each step in 40 parts. The amplifier and the mass are
+discretised by scipy for inputs linear over a part, creep is the convolution with its full memory, and plays are clipped
+one part after the other.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ class FastStage:
         lags: (share, time constant [s]) of creep as a few exponentials.
         square_per_um: displacement x + q x^2, which no play holds.
         amplifier_hz, resonance_hz, damping, delay_s: of the dynamics; an amplifier or a mass of 0 Hz is none.
+        is_held: whether the converter holds each voltage until the next sample.
     """
 
     slope_um_per_v: float
@@ -54,12 +56,19 @@ class FastStage:
     resonance_hz: float = 0.0
     damping: float = 0.02
     delay_s: float = 0.0
+    is_held: bool = False
 
     def displacement_um(self, step_s: float, voltage_v: np.ndarray) -> np.ndarray:
-        """Displacement at each sample [um], the voltage rising from zero over the first step."""
+        """Displacement at each sample [um], the voltage rising from zero over the first step, or held at it."""
+        return self.between_samples_um(step_s, voltage_v)[_N_PARTS - 1 :: _N_PARTS]
+
+    def between_samples_um(self, step_s: float, voltage_v: np.ndarray) -> np.ndarray:
+        """Displacement at the end of each of 40 parts of a step [um]."""
         part_s = step_s / _N_PARTS
         at = np.arange(1, voltage_v.size * _N_PARTS + 1) / _N_PARTS
         drive = np.interp(at, np.arange(voltage_v.size + 1), np.concatenate(([0.0], voltage_v)))
+        if self.is_held:
+            drive = np.repeat(np.concatenate(([0.0], voltage_v[:-1])), _N_PARTS)
         if self.amplifier_hz:
             drive = _filtered([1.0], [1.0 / (2.0 * np.pi * self.amplifier_hz), 1.0], part_s, drive)
         moved = self._crept(part_s, self._plays(drive))
@@ -69,7 +78,7 @@ class FastStage:
             moved = _filtered([1.0], [1.0 / omega**2, 2.0 * self.damping / omega, 1.0], part_s, moved)
         late = np.concatenate(([0.0], moved))
         times = part_s * np.arange(late.size)
-        return np.interp(step_s * np.arange(1, voltage_v.size + 1) - self.delay_s, times, late)
+        return np.interp(part_s * np.arange(1, late.size) - self.delay_s, times, late)
 
     def _plays(self, drive: np.ndarray) -> np.ndarray:
         plays = np.zeros(self.thresholds_v.size)

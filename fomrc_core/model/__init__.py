@@ -14,6 +14,7 @@ __all__ = [
     "known_rounds",
     "known_target",
     "literal_model",
+    "loop_filters",
     "near_sample_rate",
     "piezo_model",
     "plain_kernels",

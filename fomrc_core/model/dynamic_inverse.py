@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.arrays import Array, ComplexArray
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.course import FLAT, Course
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.hysteresis_bends import N_PARTS, WIDE_FLAT, WIDE_GONE
 from fomrc_core.model.known_rounds import KnownRounds, RepeatedCourse
 from fomrc_core.model.known_target import KnownTarget
-from fomrc_core.model.near_sample_rate import ringing_notes
+from fomrc_core.model.near_sample_rate import is_struck_within_samples, ringing_notes
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.waveform import Waveform
 
@@ -30,6 +31,7 @@ _ASKED_AT_ONCE = 0.01  # of the range
 # The voltage begins where the target does, so that what it lacks in the first moments cannot be had: no round asks for
 # it. So many samples, the shortest swing in the band a few times over, and as long as the stage answers late.
 _N_FIRST = 60
+_LEAST_LINE = 0.4  # of a course is left in a straight line from sample to sample at half the sample rate: sinc^2
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +84,7 @@ class _KnownChain:
     core: Compensator
     course: Course  # of the target
     simulated: RepeatedCourse
+    is_struck: bool  # whether what hysteresis bends within samples sets the stage ringing
 
     @classmethod
     def of(cls, model: PiezoModel, course: Course) -> _KnownChain:
@@ -93,7 +96,11 @@ class _KnownChain:
         )
         beside = tuple(e for e in undone if e.stage is Stage.HYSTERESIS and e.can_invert)
         core = Compensator(replace(model, effects=beside, start=None))
-        return cls(undone, replace(model, effects=undone, start=None), core, course, RepeatedCourse(course))
+        is_struck = is_struck_within_samples(undone, course.step_s)
+        if is_struck:
+            course = replace(course, flat=WIDE_FLAT, gone=WIDE_GONE)
+        forward = replace(model, effects=undone, start=None)
+        return cls(undone, forward, core, course, RepeatedCourse(course), is_struck)
 
     @property
     def n_late(self) -> int:
@@ -124,15 +131,34 @@ class _KnownChain:
 
     def guess(self, wanted: Array) -> Array:
         """Return the voltage by undoing one effect after the other, shape (n_samples,)."""
-        values = self.simulated.repeated(wanted)
-        behind = [e for e in reversed(self.effects) if e.stage in (Stage.MECHANICAL, Stage.SENSED)]
-        before = [e for e in reversed(self.effects) if e.stage in (Stage.DRIVE, Stage.SAMPLED_DRIVE)]
-        for effect in behind:
-            values = self._undone(effect, values)
-        values = self.simulated.closed(self.core.run(self.simulated.steps_s, values))
-        for effect in before:
-            values = self._undone(effect, values)
+        values, fine = self.simulated.repeated(wanted), self.simulated
+        if self.is_struck:
+            values = self.simulated.whole.in_parts(values, N_PARTS)
+            fine = RepeatedCourse(self.course.refined(N_PARTS))
+        for effect in self._of(Stage.SENSED, Stage.MECHANICAL):
+            values = _undone(effect, values, fine.whole)
+        values = fine.closed(self.core.run(fine.steps_s, values))
+        for effect in self._of(Stage.DRIVE):
+            values = _undone(effect, values, fine.whole)
+        if self.is_struck:
+            values = self._of_parts(values, fine.whole)
+        for effect in self._of(Stage.SAMPLED_DRIVE):
+            values = _undone(effect, values, self.simulated.whole)
         return self.simulated.last(values)
+
+    def _of(self, *stages: Stage) -> list[Effect]:
+        """Return the effects of some stages, the last first."""
+        return [effect for effect in reversed(self.effects) if effect.stage in stages]
+
+    def _of_parts(self, values: Array, fine: Course) -> Array:
+        """Return the samples of which a converter makes what is wanted in parts of them, as far as samples reach."""
+        step_s, is_held = self.course.step_s, any(effect.holds for effect in self.effects)
+
+        def lacking(frequency_hz: Array) -> ComplexArray:
+            line = np.ones(1) if is_held else np.maximum(np.sinc(frequency_hz * step_s) ** 2, _LEAST_LINE)
+            return np.asarray(1.0 / line, dtype=np.complex128)
+
+        return np.ascontiguousarray(fine.filtered(fine.in_band(values), lacking)[::N_PARTS])
 
     def slow(self, wanted: Array) -> Array:
         """Return the voltage were the target followed infinitely slowly [V], shape (n_samples,): lag and ring left."""
@@ -153,10 +179,11 @@ class _KnownChain:
             f"{1e3 * (self.n_late + 1) * self.course.step_s:.3g} ms, too soon to be followed: begin with a rest at 0 um"
         ]
 
-    def _undone(self, effect: Effect, values: Array) -> Array:
-        found = effect.undo_known(values, self.simulated.whole)
-        return values if found is None else found
-
     def _simulated(self, voltage_v: Array) -> Array:
         steps_s, voltages_v = self.simulated.steps_s, self.simulated.repeated(voltage_v)
         return self.simulated.last(self.forward.simulate(steps_s, voltages_v))
+
+
+def _undone(effect: Effect, values: Array, course: Course) -> Array:
+    found = effect.undo_known(values, course)
+    return values if found is None else found

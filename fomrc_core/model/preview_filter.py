@@ -65,17 +65,20 @@ class PreviewFilter:
         return np.asarray(np.exp(2j * np.pi * step_s * np.outer(frequency_hz, at)) @ self.taps)
 
 
-def preview_filter(response: Callable[[Array], ComplexArray], step_s: float, n_preview: int) -> PreviewFilter:
+def preview_filter(
+    response: Callable[[Array], ComplexArray], step_s: float, n_preview: int, flat: float = FLAT
+) -> PreviewFilter:
     """Return the filter that undoes dynamics as well as so many samples of preview let it.
 
     Args:
         response: complex gain of the dynamics at frequencies [Hz], one at rest.
         step_s: distance of the samples [s].
         n_preview: samples of the future that are known, 0 or more.
+        flat: share of the sample rate up to which all is undone, at most; beyond twice that nothing is.
     """
     frequency_hz = np.linspace(0.0, 0.5 / step_s, _N_FREQUENCIES)
     gain = response(frequency_hz)
-    flat_hz = _flat_hz(frequency_hz, gain, step_s)
+    flat_hz = _flat_hz(frequency_hz, gain, flat / step_s)
     n_late = int(np.ceil(max(_late_s(response, step_s), 0.0) / step_s))
     n_ahead = min(n_preview, n_late + _MOST_TAPS_AHEAD)
     lags = np.arange(-_MOST_TAPS_BEHIND, n_ahead + 1, dtype=np.int64)
@@ -86,11 +89,11 @@ def preview_filter(response: Callable[[Array], ComplexArray], step_s: float, n_p
     return PreviewFilter(taps, n_ahead, holds_to_hz, flat_hz)
 
 
-def _flat_hz(frequency_hz: Array, gain: ComplexArray, step_s: float) -> float:
-    """Return where the band ends [Hz]: what samples hold, or where undoing takes more than ``LARGEST_GAIN``."""
+def _flat_hz(frequency_hz: Array, gain: ComplexArray, most_hz: float) -> float:
+    """Return where the band ends [Hz]: the most there may be, or where undoing takes more than ``LARGEST_GAIN``."""
     too_much = np.abs(gain) * LARGEST_GAIN < 1.0
     first_hz = float(frequency_hz[int(np.argmax(too_much))]) if np.any(too_much) else np.inf
-    return min(FLAT / step_s, 0.5 * first_hz)
+    return min(most_hz, 0.5 * first_hz)
 
 
 def _late_s(response: Callable[[Array], ComplexArray], step_s: float) -> float:

@@ -17,22 +17,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fomrc_core.compute.arrays import Array, ComplexArray
+from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled_sums
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.course import Course
 from fomrc_core.errors import ParameterError
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.hysteresis_bends import N_BENDS, N_BENDS_BEHIND, bent_run, bent_step
 from fomrc_core.model.kernels import inverse_step
+from fomrc_core.model.loop_filters import loop_filters
 from fomrc_core.model.near_sample_rate import ringing_notes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.preview_filter import PreviewFilter, preview_filter
+from fomrc_core.model.preview_filter import PreviewFilter
 from fomrc_core.model.preview_window import PreviewWindow
 from fomrc_core.model.state import ModelState
+from fomrc_core.operators.creep import PREVIOUS
+from fomrc_core.operators.hysteresis import peek_stops
 
-# So far ahead the hysteresis is stepped to undo the amplifier, at most half the preview: a difference over so many
-# samples is right to 1e-4 up to a tenth of the sample rate.
-_MOST_DRIVE_AHEAD = 6
 _LEAST_DRIVEN = 32  # voltages remembered where the amplifier needs fewer
 _N_BLANK = 16
 LONGEST_PREVIEW_S = 1.0
@@ -50,21 +51,38 @@ def _planned_voltage(
     taps: Array,
     drive_taps: Array,
     inner: Array,
+    bend_taps: Array,
+    bends: Array,
+    planned_bends: Array,
     correction: float,
     step_s: float,
     out: Array,
 ) -> None:
-    # Fill ``out`` with voltage, displacement and hysteresis voltage of the step; work takes the steps ahead.
+    # Fill ``out`` with voltage, displacement and hysteresis voltage of the step; work takes the steps ahead. Bends
+    # within the step are left in ``planned_bends``; without taps for them nobody looks.
     work[:] = packed
     n_behind = inner.size
     voltage = 0.0
     for i in range(n_behind):
         voltage += drive_taps[i] * inner[i]
+    is_bent, n_past = bend_taps.shape[0] > 0, bends.shape[1]
+    own = out[3:]
+    before = peek_stops(work, 0, work[at_creep + PREVIOUS])
+    for i in range(bend_taps.shape[0]):
+        for k in range(n_past):
+            voltage += bend_taps[i, k] * bends[i, k]
     for j in range(drive_taps.size - n_behind):
         moved = correction
         for i in range(taps.size):
             moved += taps[i] * targets[first + j + i]
-        wanted = inverse_step(work, at_creep, moved, step_s)
+        if is_bent:
+            wanted = before = bent_step(work, at_creep, moved, step_s, before, own)
+            for i in range(bend_taps.shape[0]):
+                voltage += bend_taps[i, n_past + j] * own[i]
+                if j == 0:
+                    planned_bends[i] = own[i]
+        else:
+            wanted = inverse_step(work, at_creep, moved, step_s)
         voltage += drive_taps[n_behind + j] * wanted
         if j == 0:
             out[1], out[2] = moved, wanted
@@ -73,7 +91,6 @@ def _planned_voltage(
 
 # Of what the rate lets be undone: from here on a preview counts as long enough.
 _ENOUGH = 0.9
-_NOTHING = PreviewFilter(np.ones(1), 0, math.inf, math.inf)
 
 
 class Planned(NamedTuple):
@@ -82,38 +99,6 @@ class Planned(NamedTuple):
     voltage_v: float
     moved_um: float
     inner_v: float
-
-
-@functools.lru_cache(maxsize=16)
-def _filter_for(effects: tuple[Effect, ...], step_s: float, n_preview: int, is_straight: bool) -> PreviewFilter:
-    """Return the filter that undoes effects, and what a voltage straight between samples lacks of a course."""
-
-    def response(frequency_hz: Array) -> ComplexArray:
-        line = np.sinc(frequency_hz * step_s) ** 2 if is_straight else 1.0
-        return joint_response(effects, frequency_hz) * line
-
-    return preview_filter(response, step_s, n_preview)
-
-
-def joint_response(effects: tuple[Effect, ...], frequency_hz: Array) -> ComplexArray:
-    """Return the complex gain [1] of linear effects one behind the other at frequencies [Hz], of one shape."""
-    gain = np.ones(frequency_hz.shape, dtype=np.complex128)
-    for effect in effects:
-        own = effect.response(frequency_hz)
-        if own is not None:
-            gain = gain * own
-    return gain
-
-
-def _filters(
-    mechanics: tuple[Effect, ...], amplifier: tuple[Effect, ...], step_s: float, n_preview: int
-) -> tuple[PreviewFilter, PreviewFilter]:
-    n_drive = min(_MOST_DRIVE_AHEAD, n_preview // 2) if amplifier else 0
-    is_straight = not any(effect.holds for effect in amplifier)
-    return (
-        _filter_for(mechanics, step_s, n_preview - n_drive, is_straight) if mechanics else _NOTHING,
-        _filter_for(amplifier, step_s, n_drive, is_straight and not mechanics) if amplifier else _NOTHING,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +113,7 @@ class PreviewInverse:
         amplifier: linear effects undone on the voltage.
         target_filter: undoes the mechanics.
         drive_filter: undoes the amplifier.
+        bend_taps: give the stage what hysteresis bends within samples, where it rings; else of no row.
     """
 
     core: Compensator
@@ -137,12 +123,13 @@ class PreviewInverse:
     amplifier: tuple[Effect, ...]
     target_filter: PreviewFilter
     drive_filter: PreviewFilter
+    bend_taps: Array
     _work: Array = field(init=False, repr=False)
     _out: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_work", np.zeros(self.core.initial_state().packed.size))
-        object.__setattr__(self, "_out", np.zeros(3))
+        object.__setattr__(self, "_out", np.zeros(3 + N_BENDS))
 
     @classmethod
     def of(cls, model: PiezoModel, step_s: float, preview_s: float) -> PreviewInverse:
@@ -166,7 +153,7 @@ class PreviewInverse:
         mechanics = tuple(effect for effect in undone if effect.stage not in _DRIVE)
         amplifier = tuple(effect for effect in undone if effect.stage in _DRIVE)
         left = tuple(effect for effect in model.effects if effect not in undone)
-        filters = _filters(mechanics, amplifier, step_s, n_preview)
+        filters = loop_filters(mechanics, amplifier, step_s, n_preview)
         return cls(Compensator(replace(model, effects=left)), step_s, n_preview, mechanics, amplifier, *filters)
 
     def __str__(self) -> str:
@@ -201,8 +188,8 @@ class PreviewInverse:
         n_preview = max(self.n_preview, 1)
         while n_preview < MOST_PREVIEW:
             n_preview *= 2
-            filters = _filters(self.mechanics, self.amplifier, self.step_s, n_preview)
-            if all(one.holds_to_hz >= _ENOUGH * one.reaches_hz for one in filters):
+            filters = loop_filters(self.mechanics, self.amplifier, self.step_s, n_preview)
+            if all(one.holds_to_hz >= _ENOUGH * one.reaches_hz for one in (filters.target, filters.drive)):
                 break
         return n_preview * self.step_s
 
@@ -217,7 +204,8 @@ class PreviewInverse:
         """Return an empty window."""
         n_driven = max(self.drive_filter.n_behind, _LEAST_DRIVEN)
         n_targets = self.target_filter.n_behind + 1 + self.n_preview
-        return PreviewWindow(self.n_preview, np.zeros(n_targets), np.zeros(n_driven), np.zeros(n_driven))
+        bends_v = np.zeros((self.bend_taps.shape[0], N_BENDS_BEHIND))
+        return PreviewWindow(self.n_preview, np.zeros(n_targets), np.zeros(n_driven), np.zeros(n_driven), bends_v)
 
     def plan(
         self, state: ModelState, window: PreviewWindow, correction_um: float = 0.0, cross: float = np.nan
@@ -226,7 +214,7 @@ class PreviewInverse:
 
         Args:
             state: of the core.
-            window: what was wanted and driven until now, and what is wanted ahead.
+            window: what was wanted and driven until now, and what is wanted ahead; takes the bends that are planned.
             correction_um: added to where the stage is to go [um].
             cross: second axis, for effects that use it.
         """
@@ -245,6 +233,9 @@ class PreviewInverse:
             self.target_filter.taps,
             self.drive_filter.taps,
             inner,
+            self.bend_taps,
+            window.bends_v,
+            window.planned_bends_v,
             correction_um,
             self.step_s,
             out,
@@ -289,10 +280,18 @@ class PreviewInverse:
         """
         n_seen = n_steps + self.drive_filter.n_ahead
         moved_um = self.driven_ahead(window, n_seen) + correction_um
-        beside = None if np.isnan(cross) else np.full(n_seen, cross)
-        wanted_v = self.core.run(np.full(n_seen, self.step_s), moved_um, state.copy(), cross=beside)
         behind_v = window.inner_v[window.inner_v.size - self.drive_filter.n_behind :]
-        return np.asarray(np.correlate(np.concatenate((behind_v, wanted_v)), self.drive_filter.taps, "valid"))
+        if self.core.model.effects:
+            beside = None if np.isnan(cross) else np.full(n_seen, cross)
+            wanted_v, bends_v = self.core.run(np.full(n_seen, self.step_s), moved_um, state.copy(), cross=beside), None
+        else:
+            wanted_v, bends_v = np.empty(n_seen), np.empty((n_seen, N_BENDS))
+            bent_run(state.packed.copy(), self.core.at_creep, moved_um, self.step_s, wanted_v, bends_v)
+        voltages_v = np.correlate(np.concatenate((behind_v, wanted_v)), self.drive_filter.taps, "valid")
+        if bends_v is not None:
+            for past_v, own_v, taps in zip(window.bends_v, bends_v.T, self.bend_taps, strict=False):
+                voltages_v += np.correlate(np.concatenate((past_v, own_v)), taps, "valid")
+        return np.asarray(voltages_v)
 
     def inner_after(self, window: PreviewWindow, voltage_v: float) -> float:
         """Return what the amplifier makes of a voltage [V] after those of the window [V]."""

@@ -146,13 +146,18 @@ def voltage_stops_to_displacement_stops(stop: OperatorSum, stops_v: Array) -> Ar
 
 
 @compiled_inline
-def move_plays(packed: Array, at: int, value: float) -> float:
-    """Return the play sum at the new input; the play states of the block move on."""
+def _fields(packed: Array, at: int) -> tuple[int, Array, Array, Array]:
     n_plays = int(packed[at + N_PLAYS])
     first = at + HEADER
     thresholds = packed[first : first + n_plays]
     weights = packed[first + n_plays : first + 2 * n_plays]
-    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    return n_plays, thresholds, weights, packed[first + 2 * n_plays : first + 3 * n_plays]
+
+
+@compiled_inline
+def move_plays(packed: Array, at: int, value: float) -> float:
+    """Return the play sum at the new input; the play states of the block move on."""
+    n_plays, thresholds, weights, plays = _fields(packed, at)
     total = 0.0
     for j in range(n_plays):
         play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
@@ -165,17 +170,24 @@ def move_plays(packed: Array, at: int, value: float) -> float:
 @compiled_inline
 def move_stops(packed: Array, at: int, value: float) -> float:
     """Return the stop sum at the new input; the play states of the block move on."""
-    n_plays = int(packed[at + N_PLAYS])
-    first = at + HEADER
-    thresholds = packed[first : first + n_plays]
-    weights = packed[first + n_plays : first + 2 * n_plays]
-    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    n_plays, thresholds, weights, plays = _fields(packed, at)
     total = 0.0
     for j in range(n_plays):
         # A saturated stop is exactly its threshold: input less play would carry the rounding of the input.
         stop = min(max(value - plays[j], -thresholds[j]), thresholds[j])
         plays[j] = value - stop
         total += weights[j] * stop
+    output: float = packed[at + SLOPE] * value + total
+    return output
+
+
+@compiled_inline
+def peek_stops(packed: Array, at: int, value: float) -> float:
+    """Return the stop sum at an input; the state stays as it is."""
+    n_plays, thresholds, weights, plays = _fields(packed, at)
+    total = 0.0
+    for j in range(n_plays):
+        total += weights[j] * min(max(value - plays[j], -thresholds[j]), thresholds[j])
     output: float = packed[at + SLOPE] * value + total
     return output
 
@@ -187,11 +199,7 @@ def move_plays_batch(packed: Array, at: int, values: Array, out: Array) -> None:
     ``out`` may be ``values`` itself.
     """
     # The same loop as move_plays once more: views made once, not per sample.
-    n_plays = int(packed[at + N_PLAYS])
-    first = at + HEADER
-    thresholds = packed[first : first + n_plays]
-    weights = packed[first + n_plays : first + 2 * n_plays]
-    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    n_plays, thresholds, weights, plays = _fields(packed, at)
     slope = packed[at + SLOPE]
     for k in range(values.size):
         value = values[k]
@@ -209,11 +217,7 @@ def move_widened_plays_batch(packed: Array, at: int, values: Array, widening: Ar
 
     A play whose threshold shrinks is taken along by its walls, as by an input that moves.
     """
-    n_plays = int(packed[at + N_PLAYS])
-    first = at + HEADER
-    thresholds = packed[first : first + n_plays]
-    weights = packed[first + n_plays : first + 2 * n_plays]
-    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    n_plays, thresholds, weights, plays = _fields(packed, at)
     slope = packed[at + SLOPE]
     for k in range(values.size):
         value, factor = values[k], widening[k]
@@ -232,11 +236,7 @@ def move_stops_batch(packed: Array, at: int, values: Array, out: Array) -> None:
 
     ``out`` may be ``values`` itself.
     """
-    n_plays = int(packed[at + N_PLAYS])
-    first = at + HEADER
-    thresholds = packed[first : first + n_plays]
-    weights = packed[first + n_plays : first + 2 * n_plays]
-    plays = packed[first + 2 * n_plays : first + 3 * n_plays]
+    n_plays, thresholds, weights, plays = _fields(packed, at)
     slope = packed[at + SLOPE]
     for k in range(values.size):
         value = values[k]

@@ -44,11 +44,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fomrc_core.compute.least_squares import non_negative_fit
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import ParameterError
 from fomrc_core.plants import electromechanical_kernel as kernel
 from fomrc_core.plants.paper_stage import CREEP_ORDER, KAPPA_UM_PER_V
 
 UM_PER_M = 1e6
+_N_TOGETHER = 1 << 14  # samples stepped through before it is told: some tenths of a second with forty elements
 _LAGS_PER_DECADE = 2
 
 
@@ -225,23 +227,26 @@ class ElectromechanicalPlant:
             raise ParameterError("step is not positive", where="steps_s", value=float(steps.min()), allowed="> 0")
         state = self.initial_state() if state is None else state
         displacement_m = np.empty(voltage.size)
-        kernel.run(
-            steps,
-            voltage,
-            force,
-            self.substep_s,
-            self._mechanics,
-            self._compliance_f,
-            self.saturation_v,
-            self._instant,
-            self._weights,
-            self._rates_per_s,
-            state.motion,
-            state.potential_v,
-            state.scaled_charge,
-            state.lags,
-            displacement_m,
-        )
+        for first in range(0, voltage.size, _N_TOGETHER):
+            part = slice(first, first + _N_TOGETHER)
+            kernel.run(
+                steps[part],
+                voltage[part],
+                force[part],
+                self.substep_s,
+                self._mechanics,
+                self._compliance_f,
+                self.saturation_v,
+                self._instant,
+                self._weights,
+                self._rates_per_s,
+                state.motion,
+                state.potential_v,
+                state.scaled_charge,
+                state.lags,
+                displacement_m[part],
+            )
+            beat("samples of the plant", steps[part].size)
         return UM_PER_M * displacement_m
 
 

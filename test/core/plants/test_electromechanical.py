@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from fomrc_core.compute.pulse import heard_by
 from fomrc_core.errors import ParameterError
+from fomrc_core.plants import electromechanical
 from fomrc_core.plants.electromechanical import ElectromechanicalPlant, table1_plant
 
 
@@ -169,6 +171,19 @@ def test_stepwise_equals_batch_and_copies_are_independent():
     stepwise += [plant.advance(state, v, 1e-3) for v in u[20:]]
     np.testing.assert_array_equal(stepwise, batch)
     np.testing.assert_array_equal(plant.simulate(1e-3, u[20:], saved), batch[20:])
+
+
+def test_a_long_simulation_is_heard_and_bit_for_bit_the_same(monkeypatch):
+    plant = table1_plant(8)
+    u, force = triangle(50.0, [2.0]), np.linspace(0.0, 20.0, triangle(50.0, [2.0]).size)
+    whole = plant.simulate(1e-3, u, external_force_n=force)
+    monkeypatch.setattr(electromechanical, "_N_TOGETHER", 70)
+    heard = []
+    with heard_by(lambda what, n: heard.append((what, n))):
+        in_parts = plant.simulate(1e-3, u, external_force_n=force)
+    np.testing.assert_array_equal(in_parts, whole)
+    assert [n for _, n in heard] == [70] * (u.size // 70) + [u.size % 70] * (u.size % 70 > 0)
+    assert {what for what, _ in heard} == {"samples of the plant"}
 
 
 def test_voltages_stay_within_saturation_and_add_up():
