@@ -62,14 +62,14 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
         is_richer = other.n_free > winner.n_free and not generalizes
         if is_richer or learnt < 0.0 or lost > max(learnt, _HARDLY):
             continue
-        if generalizes and not _surely_better(other, winner):
+        if generalizes and not is_surely_better(other, winner):
             continue
         if is_accepted(other, n_causes) and sure_gain(winner.fitted, other.fitted, split) > SURE:
             return other
     return winner
 
 
-def _surely_better(other: Candidate, winner: Candidate) -> bool:
+def is_surely_better(other: Candidate, winner: Candidate) -> bool:
     """Return whether what a candidate adds to another, which is a special case of it, would be a finding in itself.
 
     In training it cannot do worse, whatever the truth; only data it was not fitted to speak for what it adds.
@@ -80,7 +80,7 @@ def _surely_better(other: Candidate, winner: Candidate) -> bool:
     return added.p_value < _SIGNIFICANCE and added.is_worthwhile()
 
 
-def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:
+def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
     """Return the candidates that neither training nor held-out data tell from the winner."""
     n_effective = _n_effective(winner.fitted, split)
     tied = []
@@ -103,11 +103,12 @@ def ties_of(winner: Candidate, candidates: list[Candidate], split: DataSplit) ->
 def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
     """Return by how much the winner is likelier than the next plausible candidate, in log likelihood [1].
 
-    Training and held-out data speak together, each sample counted as often as it is independent of its neighbours;
-    infinite where nothing else explains the data at all.
+    That nothing acts at all is a candidate as well. Training and held-out data speak together, each sample counted as
+    often as it is independent of its neighbours.
     """
     n_train = _n_effective(winner.fitted, split)
-    margins = []
+    n_held = sum(mine.size / autocorrelation_inflation(mine) for mine in winner.held)
+    margins = [0.5 * n_train * winner.train_log_gain + 0.5 * n_held * winner.score.log_gain]
     for other in candidates:
         if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
             continue
@@ -118,16 +119,16 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
                 independent = mine.size / autocorrelation_inflation(mine)
                 gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
         margins.append(gained)
-    return min(margins, default=math.inf)
+    return min(margins)
 
 
-def simplest(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
+def simplest(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit, n_causes: int) -> Candidate:
     """Return the candidate of fewest parameters among the winner and those that nothing tells from it.
 
     A winner that holds another candidate as a special case must predict surely better than that one.
     """
     special = next((c for c in candidates if c.cause == cause_classes()[winner.cause].generalizes), None)
-    if special is not None and is_accepted(special, n_causes) and not _surely_better(winner, special):
+    if special is not None and is_accepted(special, n_causes) and not is_surely_better(winner, special):
         winner = special
     alike = [
         other

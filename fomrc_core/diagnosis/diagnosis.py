@@ -108,6 +108,8 @@ class Diagnosis:
         unnamed: terms that follow what no cause explains, in the extended model with the causes; None where none do.
         data_quality: what is wrong with the samples of each record, and which of them were left out.
         thinning: how long records were thinned for the search, and what that loses; None where they were not.
+        stand_ins: accepted forms that another cause surely beats and that are no names for it: in the extended model
+            for what they gain, for something that is not known.
     """
 
     status: Status
@@ -129,6 +131,7 @@ class Diagnosis:
     unnamed: UnnamedExtension | None = None
     data_quality: tuple[DataQuality, ...] = ()
     thinning: Thinning | None = None
+    stand_ins: tuple[Finding, ...] = ()
 
     def __str__(self) -> str:
         return self.summary()
@@ -155,6 +158,7 @@ class Diagnosis:
         lines += [f"data quality: {quality}" for quality in self.data_quality if quality.faults]
         lines += self.thinning.sentences() if self.thinning is not None else ()
         lines += [finding.sentence() for finding in self.findings]
+        lines += [finding.sentence_of_stand_in() for finding in self.stand_ins]
         if self.ambiguous_with:
             lines.append(f"cannot be told from: {', '.join(self.ambiguous_with)}")
         lines.append(
@@ -272,7 +276,8 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
     judgement = result.judgement
     if thinning.unnamed:
         judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.unnamed))
-    status = judgement.status([f.probability for f in result.findings], bool(result.ambiguous_with))
+    told = [f.probability for f in result.findings]
+    status = judgement.status(told, bool(result.ambiguous_with), bool(result.stand_ins))
     return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
 
 
@@ -298,7 +303,7 @@ def _result(
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
-    tied = steps[-1].tied if steps and steps[-1].tied else next((s.tied for s in reversed(steps) if s.tied), ())
+    tied = next((s.tied for s in reversed(steps) if s.tied), ())
     driven = [_driven(view) for view in records]
     tests = (*dependences(driven), *(() if noise.sees_slow_noise else (unevenness(driven),)))
     inflation = residual_inflation(found.final.residual, split.train)
@@ -307,8 +312,10 @@ def _result(
     learned = max(learned, rounding_um)
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
-    findings = with_probabilities(findings, judgement, tuple(tied))
-    status = judgement.status([finding.probability for finding in findings], bool(tied))
+    everything = with_probabilities(findings, judgement)
+    beaten = {step.accepted.cause for step in steps if step.is_beaten}
+    findings = tuple(finding for finding in everything if finding.cause not in beaten)
+    status = judgement.status([finding.probability for finding in findings], bool(tied), bool(beaten))
     tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
@@ -321,7 +328,7 @@ def _result(
     return Diagnosis(
         status=status,
         judgement=judgement,
-        probability_of_unknown=probability_of_unknown(judgement, findings),
+        probability_of_unknown=probability_of_unknown(judgement, everything),
         noise=noise,
         noise_floor_um=floor,
         baseline_train_percent=normalised_percent(train, [r.measured_um for r in split.train]),
@@ -336,6 +343,7 @@ def _result(
         records=records,
         quoted_on=split.report[0].record.recording.name,
         unnamed=described,
+        stand_ins=tuple(finding for finding in everything if finding.cause in beaten),
     )
 
 

@@ -36,7 +36,7 @@ class Finding:
         p_value: of the hypothesis that it gains nothing on held-out data.
         evidence: why it was accepted, in a sentence.
         meaning: what it is, in a sentence.
-        margin: by how much it was likelier than the next cause, in log likelihood [1]; see `Step`.
+        margin: by how much it is likelier than the next cause, in log likelihood [1]; see `Step`.
         probability: that it is the cause, and not another or one that is not in the library [1].
     """
 
@@ -54,6 +54,14 @@ class Finding:
 
     def __str__(self) -> str:
         return self.sentence()
+
+    def sentence_of_stand_in(self) -> str:
+        """Return in a line what is gained by a form that is no name."""
+        return (
+            f"not named: the form of {self.cause} follows what no cause explains, held-out error "
+            f"{self.nrmse_percent_test_before:.4g} % -> {self.nrmse_percent_test_after:.4g} %; another surely does "
+            "better in its place, and is no finding either"
+        )
 
     def sentence(self) -> str:
         """Return the finding in a line."""

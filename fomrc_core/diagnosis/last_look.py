@@ -10,11 +10,17 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import SURE, is_accepted, margin_of, sure_gain, ties_of
+from fomrc_core.diagnosis.decision import (
+    SURE,
+    is_accepted,
+    is_surely_better,
+    margin_of,
+    simplest,
+    sure_gain,
+    ties_of,
+)
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
@@ -32,7 +38,8 @@ class LastLook:
 
     Attributes:
         steps: the acceptances, each that was looked at with the causes that do as well in its place.
-        better: place of an acceptance and the candidate that surely does better in it, None where there is none.
+        better: place of an acceptance and the candidate to take it, None where there is none: one that surely does
+            better, or does as well with fewer parameters.
     """
 
     steps: tuple[Step, ...]
@@ -74,12 +81,15 @@ def looked_at_last(
         for other in candidates:
             if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
                 continue
+            if cause_classes()[other.cause].generalizes == name and not is_surely_better(other, own):
+                continue
             if held_out_score(held, list(other.held)).log_gain > _BETTER:
                 return LastLook(tuple(steps), (at, other))
-        # Where another was as likely when this one was accepted, the way from there has not been gone, and nobody knows
-        # what it would have come to: the lesser margin counts.
-        margin = float(np.fmin(step.margin, margin_of(own, candidates, split)))
-        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin)
+        simpler = simplest(own, candidates, split, len(causes))
+        if simpler is not own:
+            return LastLook(tuple(steps), (at, simpler))
+        # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
+        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin_of(own, candidates, split))
     return LastLook(tuple(looked), None)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, product, whitening_of
+from fomrc_core.compute.pulse import beat
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
@@ -134,7 +135,9 @@ def screen(
 
     def of_cause(name: str) -> list[Screened]:
         try:
-            return of_kind(cause_classes()[name])
+            found = of_kind(cause_classes()[name])
+            beat("simulations", 0)
+            return found
         except Exception as error:
             if not is_foreign(name):
                 raise

@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.decision import SURE
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,8 +21,8 @@ class Step:
         tied: causes it could not be told from.
         tied_models: the models with those.
         rivals: candidates that did nearly as well while other causes were still unexplained.
-        margin: by how much it was likelier than the next, in log likelihood, the lesser of when it was accepted and of
-            the end [1]; not a number where it was not compared.
+        margin: by how much it is likelier than the next, in log likelihood [1]: at the end, beside all others, where it
+            was looked at again, else when it was accepted; not a number where it was not compared.
     """
 
     before: TrialModel
@@ -29,6 +31,17 @@ class Step:
     tied_models: tuple[TrialModel, ...]
     rivals: tuple[Candidate, ...] = ()
     margin: float = math.nan
+
+    @property
+    def is_beaten(self) -> bool:
+        """Whether another cause, or none at all, is surely likelier beside all the others that were found.
+
+        That other one is no finding either, or it would have taken the place: a model that is wrong is bent by both,
+        and neither name rests on anything. One that is told as tied says so itself; what belongs to single records, or
+        cannot be exchanged for another, is weighed when it is accepted, others still hidden, and not again.
+        """
+        is_looked_at_again = cause_classes()[self.accepted.cause].is_exchangeable and not self.accepted.is_bound
+        return self.margin < -SURE and not self.tied and is_looked_at_again
 
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""

@@ -54,6 +54,7 @@ class Refit:
         directions: displacement per coordinate of each, linear part removed, per record (n_samples, n_free).
         residual: measured minus predicted [um] per record.
         is_converged: whether it came to rest within the iterations.
+        last_log_gain: logarithm of the ratio of the sums of squares before and after its last step [1].
     """
 
     model: TrialModel
@@ -62,6 +63,7 @@ class Refit:
     directions: tuple[Array, ...]
     residual: tuple[Array, ...]
     is_converged: bool
+    last_log_gain: float = 0.0
 
     def standard_errors(
         self, records: tuple[FitRecord, ...], inflation: float
@@ -95,7 +97,8 @@ def _directions(
 ) -> tuple[Array, ...]:
     # Many arguments: a model, where it stands in what it moves, and what it gives there.
     parts = [np.zeros((r.time_s.size, len(free))) for r in records]
-    stroke_um = max(float(np.ptp(values)) for values in base)
+    # measured: a trial whose drive never comes through stands still
+    stroke_um = max(float(np.ptp(r.measured_um[r.is_used])) for r in records)
 
     def fill(k: int) -> None:
         parameter = free[k]
@@ -253,7 +256,15 @@ def refit(
     )
     found = descent.point
     directions = descent.linearized.directions
-    return Refit(found.chain, found.squared_error, free, directions, found.residuals_um, descent.is_converged)
+    return Refit(
+        found.chain,
+        found.squared_error,
+        free,
+        directions,
+        found.residuals_um,
+        descent.is_converged,
+        descent.last_log_gain,
+    )
 
 
 def fit_until_still(chain: TrialModel, records: tuple[FitRecord, ...], executor: Executor | None = None) -> Refit:

@@ -8,6 +8,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import gram_of, product, whitening_of
+from fomrc_core.compute.pulse import beat
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import creep_columns
@@ -98,6 +99,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
         widening = np.concatenate((earlier, drive.widening))
     modes = fit_modes(trial)
     columns = creep_columns(trial.columns, modes, voltage_v, steps_s, n_skipped, widening)
+    beat("simulations", columns.shape[1])
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before
@@ -106,6 +108,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
             values = _input_of(effect, about or trial, record, index, (before, drive))[first:]
         columns[first:] = effect.linearized(columns[first:], steps_s[first:], values)
     columns = drive.at_samples(columns[n_before - n_skipped :])
+    beat("simulations", 0)
     for effect in of_stage(effects, Stage.SENSED):
         values = None
         if effect.slope_depends_on_input:

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.pulse import beat
 from fomrc_core.effects import Covariates, Effect
 from fomrc_core.errors import RecordingError
 from fomrc_core.fitting.base_fit import choose_starts, fit_base, threshold_grid
@@ -325,6 +326,7 @@ def _run_along(trial: TrialModel, whole: Recording, n_in_bin: int) -> Iterator[t
     n_chunk = max(_N_CHUNK // n_in_bin, 1) * n_in_bin
     for begin in range(0, whole.n_samples, n_chunk):
         part = slice(begin, begin + n_chunk)
+        beat("chunks")
         beside = covariates.part(part)
         drive = (steps_s[part], whole.voltage_v[part])
         yield begin, run_chain(state, at_creep, effects, *drive, substeps=Substeps.NONE, covariates=beside)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.pulse import beat
 from fomrc_core.effects import Effect, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.fit_record import FitRecord
@@ -214,6 +215,7 @@ def predict_passing(
         is_coarse: divide jumps only, where the record's steps are divided at all.
         before: the run of another model over the same record to go on from; None where there is none.
     """
+    beat("simulations")
     is_coarser = is_coarse and record.substeps is Substeps.BENDS
     effects = trial.effects_in(index)
     state, at_creep = relaxed_trial(trial, effects)

@@ -9,7 +9,9 @@ __all__ = [
     "element_count",
     "fit",
     "fleet",
+    "moving_blocks",
     "paper",
     "parameter_errors",
+    "repeated_fits",
     "uncertainty",
 ]

@@ -83,7 +83,7 @@ def identify_fleet(
         options: how each record is read and fitted.
         executor: runs the records; by default one process per processor. It is not shut down.
         n_workers: number of processes of the default executor.
-        progress: called with the share done and the record that is done.
+        progress: called with the share done and the record that is done, and every few seconds with what is at work.
 
     Raises:
         ParameterError: two recordings of one name, or a number of workers below 1.

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.plants.paper_stage import CREEP_ORDER
@@ -158,6 +159,7 @@ def identify_paper(
         offsets = np.empty(len(records))
         total = 0.0
         for k, (steps, voltage, measured, valid) in enumerate(records):
+            beat("simulations")
             residual = (measured - model.simulate(steps, voltage))[valid]
             offsets[k] = residual.mean()
             total += float(np.sum((residual - offsets[k]) ** 2))

@@ -8,7 +8,6 @@ the Jacobian do not.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -23,6 +22,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.memory_plan import IDENTIFYING
 from fomrc_core.fitting.trial_model import predict
 from fomrc_core.identification.fit import Fit
+from fomrc_core.identification.moving_blocks import moving_blocks
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 _DETERMINED = 0.3  # largest relative standard error of an element that counts as determined
 _ORDER_DETERMINED = 0.1
 _ALIKE = 0.95  # correlation above which two elements cannot be told apart
-_N_BLOCKS = 60  # per record
 _WIDEST_LOG = 50.0  # an interval wider than this is without end
 
 
@@ -197,13 +196,7 @@ def _bootstrap(sensitivity: Array, residuals: Sequence[Array], n_replicates: int
     drawn = np.empty((n_replicates, sensitivity.shape[0]))
     at = 0
     for residual in residuals:
-        length = max(1, residual.size // _N_BLOCKS)
-        n_blocks = math.ceil(residual.size / length)
-        first = rng.integers(0, residual.size - length + 1, (n_replicates, n_blocks))
-        signs = rng.choice([-1.0, 1.0], (n_replicates, n_blocks, 1))
-        index = first[:, :, None] + np.arange(length)
-        blocks = (residual[index] * signs).reshape(n_replicates, -1)[:, : residual.size]
-        drawn[:, at : at + residual.size] = blocks
+        drawn[:, at : at + residual.size] = moving_blocks(residual, n_replicates, rng)
         at += residual.size
     changes: Array = (drawn @ orthogonal) @ inverse.T
     return changes

@@ -75,7 +75,11 @@ def suspicions(recording: Recording) -> list[str]:
     if is_sound and correlation**2 < _UNRELATED and _followed_share(v, x) < _UNRELATED:
         return [*found, "displacement has nothing to do with the voltage"]
     if falls_with_voltage(v, x):
-        return [*found, "displacement falls where the voltage rises: is the sign of one reversed?"]
+        return [
+            *found,
+            "displacement falls where the voltage rises: is the sign of one reversed? "
+            "--units displacement=-1um turns it",
+        ]
     if correlation > _SIGN and _leads(v, x) and _noise_share(v) > _NOISIER * _noise_share(x):
         found.append("voltage lags behind displacement and is the noisier of the two: are the columns swapped?")
     return found

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.pulse import beat
 
 Index = NDArray[np.int64]
 
@@ -151,6 +152,7 @@ def _hashed(*columns: Index) -> NDArray[np.uint64]:
 
 def _verified(v: Array, first: int, last: int, lag: int) -> Repeat | None:
     """Return the stretch around a proposed diagonal in which the two copies agree; None where they do not."""
+    beat("comparisons")
     stop = min(last + 1, v.size - lag)
     if stop - first < 2:
         return None

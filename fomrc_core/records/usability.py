@@ -104,7 +104,7 @@ def _check_direction(record: Recording) -> None:
         raise RecordingError(
             "displacement falls where the voltage rises: the sign of one is reversed",
             where=f"{record.name}: displacement_um",
-            allowed="voltage and displacement counted so that they rise together",
+            allowed="voltage and displacement counted so that they rise together: --units displacement=-1um",
         )
 
 

@@ -10,6 +10,7 @@ __all__ = [
     "check_results",
     "diagnosis_files",
     "diagnosis_fleet",
+    "diagnosis_names",
     "drive_to_add",
     "fit_results",
     "provenance",

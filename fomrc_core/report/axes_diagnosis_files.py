@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fomrc_core.report.diagnosis_figures import png
-from fomrc_core.report.diagnosis_files import FIGURE_NAME, MODEL_NAME, write_page_and_results
+from fomrc_core.report.diagnosis_files import write_page_and_results
+from fomrc_core.report.diagnosis_names import FIGURE_NAME, MODEL_NAME
 from fomrc_core.report.page_parts import document, image, prose, provenance_section, table
 from fomrc_core.report.provenance import Provenance
 from fomrc_core.storage.atomic import write_bytes

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.report.residual_views import (
@@ -129,8 +130,10 @@ def records_figure(diagnosis: Diagnosis) -> Figure | None:
 def png(figure: Figure, dots_per_inch: int = 110) -> bytes:
     """Return a figure as a PNG."""
     buffer = io.BytesIO()
+    beat("pictures")
     # No date and no version inside: the same diagnosis gives the same file.
     figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    beat("pictures", 0)
     return buffer.getvalue()
 
 
@@ -192,9 +195,10 @@ def _spectrum(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
-    findings = diagnosis.findings
+    findings = (*diagnosis.findings, *diagnosis.stand_ins)
     errors = [diagnosis.baseline_test_percent, *(f.nrmse_percent_test_after for f in findings)]
-    names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in findings)]
+    forms = [f"+ form of {f.cause}" for f in diagnosis.stand_ins]
+    names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in diagnosis.findings), *forms]
     floor = normalised_percent(diagnosis.noise_floor_um, [quoted_record(diagnosis).measured_um])
     longest = max(*errors, floor)
     for place, (error, name) in enumerate(zip(errors, names, strict=True)):
@@ -214,7 +218,8 @@ def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
 def _curves(diagnosis: Diagnosis, view: RecordView) -> Sequence[tuple[str, str, Array]]:
     before = (_BEFORE_NAME, BEFORE, view.residual_before_um)
     # Without findings nothing was extended: one curve says it all.
-    return (before, (_AFTER_NAME, AFTER, view.residual_after_um)) if diagnosis.findings else (before,)
+    is_extended = bool(diagnosis.findings or diagnosis.stand_ins)
+    return (before, (_AFTER_NAME, AFTER, view.residual_after_um)) if is_extended else (before,)
 
 
 def _scale(diagnosis: Diagnosis) -> tuple[float, str]:

@@ -19,6 +19,7 @@ import numpy as np
 from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.diagnosis_figures import png, quoted_record, records_figure, simulation_figure, where_figure
+from fomrc_core.report.diagnosis_names import FIGURE_NAME, JSON_NAME, MODEL_NAME, PAGE_NAME
 from fomrc_core.report.diagnosis_page import page
 from fomrc_core.report.fit_results import thinning_results
 from fomrc_core.report.provenance import Provenance
@@ -30,14 +31,6 @@ if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
     from fomrc_core.diagnosis.findings import Finding
     from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension
-
-JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME = (
-    "diagnosis.json",
-    "extended_model.yaml",
-    "report.html",
-    "where_it_is_wrong.png",
-)
-FILE_NAMES = (JSON_NAME, MODEL_NAME, PAGE_NAME, FIGURE_NAME)
 
 
 def write_report(diagnosis: Diagnosis, directory: str | os.PathLike[str], provenance: Provenance | None = None) -> None:
@@ -113,6 +106,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "effects": [cause.name for cause in model.causes],
             "not_inverted": {cause.name: cause.inverse_note for cause in model.causes if not cause.can_invert},
         },
+        "stand_ins": [_finding(finding) for finding in diagnosis.stand_ins],
         "unnamed_extension": _unnamed(diagnosis.unnamed),
         "noise": {
             "differences_um": diagnosis.noise.differences_um,

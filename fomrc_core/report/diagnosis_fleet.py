@@ -147,7 +147,7 @@ def diagnose_fleet(
         options: how each record is read.
         executor: runs the records; by default one process per processor. It is not shut down.
         n_workers: number of processes of the default executor.
-        progress: called with the share done and the record that is done.
+        progress: called with the share done and the record that is done, and every few seconds with what is at work.
 
     Raises:
         ParameterError: two recordings of one name, or a number of workers below 1.

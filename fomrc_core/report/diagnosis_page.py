@@ -143,11 +143,13 @@ def _cause(number: int, finding: Finding) -> str:
 
 
 def _without_findings(diagnosis: Diagnosis) -> Iterator[str]:
-    if not diagnosis.findings:
+    if not diagnosis.findings and not diagnosis.stand_ins:
         yield (
             "<p>No cause was accepted: none made the prediction of held-out data better by enough to be more than "
             "chance.</p>"
         )
+    for form in diagnosis.stand_ins:
+        yield f"<p>{prose(form.sentence_of_stand_in())}. It stays in the extended model for what it gains.</p>"
 
 
 def _remains(diagnosis: Diagnosis) -> Iterator[str]:

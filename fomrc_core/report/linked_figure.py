@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.pulse import beat
 from fomrc_core.report.sample_table import SampleTable
 
 # On light and on dark ground; each at least 3 to 1 against its ground.
@@ -139,6 +140,7 @@ def _plots(table: SampleTable, panels: Sequence[Panel], first: int | None) -> li
     ranges: dict[str, Any] = {}
     for panel in panels:
         is_spectrum = panel.column == "frequency"
+        beat("panels")
         plot = _empty_plot(panel)
         if not is_spectrum:
             # What has one name and unit has one range: a curve is as large in every panel.

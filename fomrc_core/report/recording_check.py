@@ -7,13 +7,16 @@ screening of a diagnosis, without its search.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fomrc_core.diagnosis.detectable import detectable
+from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.memory_plan import IDENTIFYING
 from fomrc_core.identification.convex import identify
 from fomrc_core.identification.fit import Fit
+from fomrc_core.identification.repeated_fits import creep_order_error
 from fomrc_core.identification.uncertainty import Uncertainty, estimate_uncertainty
 from fomrc_core.records.drive import MANY_LOOPS, begins_at_zero, n_loop_kinds
 from fomrc_core.records.noise import NoiseFloor, noise_floor
@@ -26,6 +29,7 @@ Progress = Callable[[float, str], None]
 _RESTS = 1e-3  # of the largest rate; less is rest
 _ORDER_SURE = 0.1  # relative half width of the creep order's 95 % interval that is good enough
 _N_REPLICATES = 200
+_OF_95_PERCENT = 1.96  # standard errors
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ class RecordingCheck:
         detectable: for each cause its main parameter's size from which it would have shown; causes that no drive in the
             records brings out are missing.
         additions: drives to record next, each with the reason.
+        order_standard_error: by how much the noise moves the creep order [1].
     """
 
     drive: DriveSummary
@@ -86,6 +91,7 @@ class RecordingCheck:
     uncertainty: Uncertainty
     detectable: Mapping[str, Mapping[str, float]]
     additions: tuple[Addition, ...]
+    order_standard_error: float
 
     @property
     def is_good(self) -> bool:
@@ -95,8 +101,7 @@ class RecordingCheck:
     @property
     def order_error(self) -> float:
         """Relative half width of the creep order's 95 % interval [1]."""
-        low, high = self.uncertainty.creep_order_interval
-        return 0.5 * (high - low) / max(self.uncertainty.creep_order, 1e-12)
+        return _OF_95_PERCENT * self.order_standard_error / max(self.uncertainty.creep_order, 1e-12)
 
     def __str__(self) -> str:
         sure, n = self.uncertainty, len(self.uncertainty.elements)
@@ -137,9 +142,15 @@ def check_recordings(
 
     Raises:
         RecordingError: a record nothing can be learnt from.
+        ParameterError: records too long; give a part of them.
     """
     tell = progress or (lambda _share, _text: None)
     given = tuple(recordings)
+    n_samples = sum(record.n_samples for record in given)
+    if n_samples > IDENTIFYING.n_whole_max:
+        raise ParameterError(
+            "too long to be checked", where="recordings", value=n_samples, allowed=f"{IDENTIFYING.n_whole_max} samples"
+        )
     check_usable(given)
     tell(0.05, "noise and drive")
     noise = noise_floor(given)
@@ -147,12 +158,15 @@ def check_recordings(
     tell(0.1, "identification")
     fit = identify(given, n_elements=n_elements)
     sure = estimate_uncertainty(
-        fit, given, n_replicates=_N_REPLICATES, progress=lambda share, text: tell(0.3 + 0.3 * share, text)
+        fit, given, n_replicates=_N_REPLICATES, progress=lambda share, text: tell(0.2 + 0.2 * share, text)
     )
-    tell(0.6, "which causes would show")
+    order_error = creep_order_error(
+        fit, given, noise.floor_um, progress=lambda share, text: tell(0.4 + 0.3 * share, text)
+    )
+    tell(0.7, "which causes would show")
     sizes = detectable(given, noise.floor_um)
     tell(1.0, "done")
-    found = RecordingCheck(drive, noise, fit, sure, sizes, ())
+    found = RecordingCheck(drive, noise, fit, sure, sizes, (), order_error)
     wanted = limits or DriveLimits(max(abs(drive.low_v), abs(drive.high_v)))
     added = additions(
         low_v=drive.low_v,
@@ -167,7 +181,7 @@ def check_recordings(
         needs_repeats=not drive.repeats,
         limits=wanted,
     )
-    return RecordingCheck(drive, noise, fit, sure, sizes, added)
+    return replace(found, additions=added)
 
 
 def _summary(recordings: Sequence[Recording], *, repeats: bool) -> DriveSummary:

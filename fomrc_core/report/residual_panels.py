@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.pulse import beat
 from fomrc_core.records.drive import is_settled
 from fomrc_core.records.residual import rms
 from fomrc_core.report.linked_figure import Curve, Panel, linked_figure
@@ -37,7 +38,7 @@ def diagnosis_figure(diagnosis: Diagnosis, first: str) -> str:
         first: name of the record to be shown at first.
     """
     curves = [Curve("before", "base model", "before")]
-    if diagnosis.findings or diagnosis.unnamed is not None:
+    if diagnosis.findings or diagnosis.stand_ins or diagnosis.unnamed is not None:
         curves.append(Curve("after", "with what was found", "after"))
     records = [
         SampledRecord(
@@ -79,6 +80,7 @@ def residual_figure(
     sizes = "; ".join(f"{c.label}: {number(scale * _rms_of(records, c), 3)} {unit} rms" for c in curves)
     panels = [*before, Panel(f"{title} against time", "time", "time [s]", y_label, curves, f"Over {several}: {sizes}.")]
     for column, what, x_label, against in _PLACES:
+        beat("panels", 0)
         shares = [(curve, _share(records, against, curve)) for curve in curves]
         told = "; ".join(f"{c.label}: {100.0 * s:.0f} %" for c, s in shares if np.isfinite(s))
         description = f"Share of its power that follows from this alone, {told}." if told else "Nothing is known of it."

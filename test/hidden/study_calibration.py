@@ -59,16 +59,15 @@ def _rows_of(spec: SecondSpec) -> list[dict[str, Any]]:
         print(spec.key, f"refused: {error}", flush=True)
         return none
     print(spec.key, found.status.value, [f.cause for f in found.findings], flush=True)
-    last = len(found.findings) - 1
     return [
         {
             "key": spec.key,
             "cause": finding.cause,
             "is_right": finding.cause in case.causes and finding.cause not in excluded,
-            "evidence": list(evidence_of(finding, found.judgement, len(found.ambiguous_with) if i == last else 0)),
+            "evidence": list(evidence_of(finding, found.judgement)),
             "status": found.status.value,
         }
-        for i, finding in enumerate(found.findings)
+        for finding in found.findings
     ] or none
 
 

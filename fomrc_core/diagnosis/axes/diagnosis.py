@@ -137,7 +137,8 @@ def diagnose_axes(
     findings = axes_probabilities(_findings(steps, float(whole[2])), float(whole[0] ** 2 - whole[2] ** 2))
     probabilities = [finding.probability for finding in findings]
     of_axes = [finding.probability for axis in axes for finding in axis.diagnosis.findings]
-    status = judgement.status([*probabilities, *of_axes], any(step.tied for step in steps))
+    has_stand_ins = any(axis.diagnosis.stand_ins for axis in axes)
+    status = judgement.status([*probabilities, *of_axes], any(step.tied for step in steps), has_stand_ins)
     unknown = 0.0 if judgement.is_noise else 1.0 - min([*probabilities, *of_axes], default=0.0)
     found = AxesDiagnosis(
         status,

@@ -8,7 +8,7 @@ nothing is undone there (``FLAT``, ``GONE``).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
@@ -44,11 +44,14 @@ class Course:
         n_samples: number of samples.
         step_s: their distance [s].
         is_periodic: whether the sample after the last is the first; else it has ends.
+        flat, gone: the band in which linear effects are undone, shares of the sample rate.
     """
 
     n_samples: int
     step_s: float
     is_periodic: bool = False
+    flat: float = FLAT
+    gone: float = GONE
 
     @property
     def steps_s(self) -> Array:
@@ -57,7 +60,26 @@ class Course:
 
     def tiled(self, n_periods: int) -> Course:
         """Return the course that repeats this one."""
-        return Course(n_periods * self.n_samples, self.step_s, self.is_periodic)
+        return replace(self, n_samples=n_periods * self.n_samples)
+
+    def refined(self, n_parts: int) -> Course:
+        """Return the same course, each step in equal parts; its band is the same in Hz."""
+        return replace(
+            self,
+            n_samples=n_parts * self.n_samples,
+            step_s=self.step_s / n_parts,
+            flat=self.flat / n_parts,
+            gone=self.gone / n_parts,
+        )
+
+    def in_parts(self, values: Array, n_parts: int) -> Array:
+        """Return the values in parts of each step, from the first sample on, shape (n_parts n_samples,).
+
+        Nothing is in them beyond half the sample rate; samples stay as they are.
+        """
+        n_before, padded = self._circle(values)
+        fine = n_parts * irfft(rfft(padded), n_parts * padded.size)
+        return np.ascontiguousarray(fine[n_parts * n_before : n_parts * (n_before + self.n_samples)])
 
     def filtered(self, values: Array, gain: Gain) -> Array:
         """Return values that have passed a linear filter, shape (n_samples,).
@@ -97,7 +119,7 @@ class Course:
         return self.filtered(values, lambda frequency_hz: self._band(frequency_hz) * (2j * np.pi * frequency_hz))
 
     def _band(self, frequency_hz: Array) -> Array:
-        return low_pass(frequency_hz, FLAT / self.step_s, GONE / self.step_s)
+        return low_pass(frequency_hz, self.flat / self.step_s, self.gone / self.step_s)
 
     @property
     def n_beyond(self) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import ComplexArray
+from fomrc_core.compute.pulse import beat
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.covariates import Covariate
@@ -187,6 +188,7 @@ class Effect(Cause):
             return changes
         passed = np.empty_like(changes)
         for column in range(changes.shape[1]):
+            beat("simulations")
             one = np.ascontiguousarray(changes[:, column])
             passed[:, column] = self.run(self.initial_state(), one, steps_s)
         return passed

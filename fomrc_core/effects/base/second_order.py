@@ -13,9 +13,13 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Effect
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
+_FLAT = math.sqrt(0.5)  # damping ratio from which on a response has no peak
+
 
 @compiled
-def run_second_order(state: Array, omega: float, damping: float, values: Array, steps_s: Array, out: Array) -> None:
+def run_second_order(
+    state: Array, omega: float, damping: float, values: Array, steps_s: Array, out: Array, rate: Array
+) -> None:
     """Fill ``out`` with x of x'' + 2 d w x' + w^2 x = w^2 f, exact for f linear over each step; the state moves on.
 
     Args:
@@ -25,6 +29,7 @@ def run_second_order(state: Array, omega: float, damping: float, values: Array, 
         values: f, shape (n_samples,).
         steps_s: steps [s], shape (n_samples,).
         out: x, shape (n_samples,).
+        rate: x' [1/s], shape (n_samples,); of size 0 where nobody asks.
     """
     # f linear over the step: the particular solution is a line, the rest decays
     position, velocity, before = state[0], state[1], state[2]
@@ -47,6 +52,8 @@ def run_second_order(state: Array, omega: float, damping: float, values: Array, 
         position = values[k] - lag + new_p
         before = values[k]
         out[k] = position
+        if rate.size:
+            rate[k] = velocity
     state[0], state[1], state[2] = position, velocity, before
 
 
@@ -65,21 +72,38 @@ class SecondOrder(Effect):
         """Share of the output that passes through the second order [1]; the rest follows at once."""
         return 1.0
 
+    @property
+    def rate_share(self) -> float:
+        """Share of its rate over w that is added to the output [1]."""
+        return 0.0
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it has a peak, and of its swing something is in the records.
+
+        Beyond half the rate only a swing that lasts for more than a sample is: else it is a delay of 2 d / w.
+        """
+        is_in_band = self.frequency_hz * step_s <= 0.5
+        lasts = 2.0 * math.pi * self.damping_ratio * self.frequency_hz * step_s < 1.0
+        return self.damping_ratio < _FLAT and (is_in_band or lasts)
+
     def initial_state(self) -> Array:
         """Return (output, its rate [1/s], input) at rest."""
         return np.zeros(3)
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the response, in the unit of the values, shape (n_samples,)."""
-        out = np.empty(values.size)
-        run_second_order(state, 2.0 * np.pi * self.frequency_hz, self.damping_ratio, values, steps_s, out)
-        return out if self.share == 1.0 else values + self.share * (out - values)
+        out, rate = np.empty(values.size), np.empty(values.size if self.rate_share != 0.0 else 0)
+        omega = 2.0 * np.pi * self.frequency_hz
+        run_second_order(state, omega, self.damping_ratio, values, steps_s, out, rate)
+        if self.share != 1.0:
+            out = values + self.share * (out - values)
+        return out if self.rate_share == 0.0 else out + self.rate_share / omega * rate
 
     def response(self, frequency_hz: Array) -> ComplexArray:
-        """Return 1 - p + p w^2 / (w^2 - v^2 + 2 i d w v) [1] at frequencies [Hz], with the share p that passes."""
+        """Return 1 - p + (p w^2 + i q w v) / (w^2 - v^2 + 2 i d w v) [1] at frequencies [Hz], of the shares p and q."""
         part = frequency_hz / self.frequency_hz
         swing = 1.0 / (1.0 - part**2 + 2j * self.damping_ratio * part)
-        return np.asarray(1.0 - self.share + self.share * swing)
+        return np.asarray(1.0 - self.share + (self.share + 1j * self.rate_share * part) * swing)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
@@ -90,6 +114,7 @@ class SecondOrder(Effect):
                 ("damping", damping),
                 ("root", math.sqrt(1.0 - damping * damping)),
                 ("share", self.share),
+                ("rate_share", self.rate_share),
             ),
             state=(
                 StateField("position", kind=FieldKind.WIDE, comment="output of the step before"),
@@ -119,4 +144,4 @@ def _swing(s: Fields, k: Fields, c: Fields, value: float, step_s: float) -> Numb
     s.velocity = slope + k.decay * (-sigma * (p * k.cosine + q * k.sine) + damped * (q * k.cosine - p * k.sine))
     s.position = value - lag + k.decay * (p * k.cosine + q * k.sine)
     s.before = value
-    return value + c.share * (s.position - value)
+    return value + c.share * (s.position - value) + c.rate_share * s.velocity / c.omega

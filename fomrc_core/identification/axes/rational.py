@@ -21,6 +21,7 @@ _Rows = tuple[Array, Array]
 _N_ROUNDS = 12
 _START_DAMPING = 0.01
 _LEAST_DAMPING, _MOST_DAMPING = 0.002, 0.3  # beyond these a pole follows noise, or a slope, and no mode
+_OFF_THE_LINES = 1e-9  # least damping of a pole while poles are moved, far below that of any mode
 
 
 def common_poles(records: tuple[PeriodicRecord, ...], n_poles: int, delay_s: float) -> tuple[Array, Array]:
@@ -77,7 +78,8 @@ def _moved(
         column[2 * m] = 2.0
         row[k] = c[m], c[n + m]
     zeros = np.linalg.eigvals(matrix - np.outer(column, row))
-    zeros = np.where(zeros.real > 0.0, -zeros.conj(), zeros)
+    # a pole that follows one line alone ends upon it, where a basis of fractions has no value
+    zeros = -np.maximum(np.abs(zeros.real), _OFF_THE_LINES * np.abs(zeros)) + 1j * zeros.imag
     upper = zeros[zeros.imag > 1.0]
     if upper.size < n:  # pairs that became real start again
         hz = np.linspace(0.25, 0.95, n - upper.size) * abs(s[-1])

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.identification.axes.parameters import AxesParameters
 from fomrc_core.identification.axes.periodic import PeriodicRecord
 from fomrc_core.model.axes import ModeAnswers, mode_answers
@@ -96,6 +97,7 @@ class ResponseFit:
 
     def spectrum(self, par: AxesParameters, r: int) -> ComplexArray:
         """Return the displacement's spectrum of a record, (O, K)."""
+        beat("spectra")
         q = self.change(par, r)
         omega, damping, gain = self._at_level(par, q)
         answers = mode_answers(self.z1, omega, damping, self.step_s, float(par.delay_s[0]))
@@ -124,6 +126,7 @@ class ResponseFit:
     def derivatives(self, par: AxesParameters, r: int) -> Iterator[tuple[int, ComplexArray, NDArray[np.int64]]]:
         """Yield for each output its number, derivatives (K, n) and the places of these n in the vector."""
         # Long: one derivative after another, of one response.
+        beat("spectra with slopes")
         q, places = self.change(par, r), par.places()
         omega, damping, gain = self._at_level(par, q)
         w, b, c = self.drive(par, r), par.input_shape, par.output_shape

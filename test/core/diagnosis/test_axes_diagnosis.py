@@ -16,7 +16,7 @@ from fomrc_core.errors import ParameterError, RecordingError
 from fomrc_core.model.axes import AxesModel, AxesModes, LevelLaw
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.report.axes_diagnosis_files import write_axes_report
-from fomrc_core.report.diagnosis_files import FILE_NAMES
+from fomrc_core.report.diagnosis_names import FILE_NAMES
 from fomrc_core.storage.axes_files import read_axes_fit_error, read_axes_model, write_axes_model
 
 Array = NDArray[np.float64]

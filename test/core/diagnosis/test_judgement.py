@@ -19,11 +19,14 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
     assert found.is_noise
     assert found.reasons == ()
     assert found.status([0.9], False) is Status.EXPLAINED
-    assert found.status([0.9, 0.8], False) is Status.EXPLAINED
+    assert found.status([0.9, 0.85], False) is Status.EXPLAINED
     assert found.status([0.9, 0.75], False) is Status.SUSPECT
     assert found.status([0.9, 0.59], False) is Status.SUSPECT, "a name as likely wrong as right explains nothing"
     assert found.status([0.9], True) is Status.AMBIGUOUS
     assert found.status([], False) is Status.NOTHING_FOUND
+    # a form that stands in for what has no name explains nothing
+    assert found.status([0.9], False, True) is Status.SUSPECT
+    assert found.status([], False, True) is Status.UNEXPLAINED
 
 
 @pytest.mark.parametrize(

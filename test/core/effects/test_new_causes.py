@@ -20,6 +20,7 @@ from fomrc_core.effects.cyclic_sensor_error import CyclicSensorError
 from fomrc_core.effects.drive_resonance import DriveResonance
 from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.lost_preload import LostPreload
+from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.rate_dependent_hysteresis import RateDependentHysteresis
 from fomrc_core.effects.second_mode import SecondMode
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
@@ -267,6 +268,41 @@ def test_a_second_mode_is_a_resonance_and_an_antiresonance() -> None:
     near = frequency < 300.0
     assert frequency[near][np.argmax(response[near])] == pytest.approx(100.0, abs=0.5)
     assert frequency[near][np.argmin(response[near])] == pytest.approx(100.0 / np.sqrt(0.81), abs=0.5)
+
+
+def test_two_modes_side_by_side_are_one_mode_behind_the_other() -> None:
+    # s1 H1 + s2 H2 of unlike damping, by scipy, for a drive that is linear between the samples
+    (f1, d1, s1), (f2, d2, s2) = (100.0, 0.012, 0.7), (170.0, 0.03, 0.3)
+    w1, w2 = 2.0 * np.pi * f1, 2.0 * np.pi * f2
+    values = np.random.default_rng(4).standard_normal(400)
+    inputs, times = np.concatenate(([0.0], values)), np.arange(401) * 1e-3
+    modes = [lsim(([w * w], [1.0, 2.0 * d * w, w * w]), inputs, times)[1][1:] for w, d in ((w1, d1), (w2, d2))]
+    participation = 1.0 - (s1 + s2 * (w2 / w1) ** 2)
+    rate_share = 2.0 * s2 * (w2 / w1) ** 2 * (d1 * w1 / w2 - d2)
+    first = MechanicalResonance(frequency_hz=f1, damping_ratio=d1)
+    second = SecondMode(f2, d2, participation, rate_share)
+    frequency = np.linspace(1.0, 450.0, 60)
+    swing = [1.0 / (1.0 - (frequency / f) ** 2 + 2j * d * frequency / f) for f, d in ((f1, d1), (f2, d2))]
+    np.testing.assert_allclose(
+        first.response(frequency) * second.response(frequency), s1 * swing[0] + s2 * swing[1], atol=1e-12
+    )
+    # within a step the response of the first is no line: parts of a step, as the chain takes them
+    n = 200
+    fine = np.interp(np.arange(1, 400 * n + 1) / n, np.arange(401), inputs)
+    steps_s = np.full(fine.size, 1e-3 / n)
+    moved = second.run(second.initial_state(), first.run(first.initial_state(), fine, steps_s), steps_s)[n - 1 :: n]
+    np.testing.assert_allclose(moved, s1 * modes[0] + s2 * modes[1], atol=2e-5)
+
+
+def test_what_resonates_is_believed_where_a_record_shows_it_ring() -> None:
+    assert SecondMode(70.0, 0.03, 0.2).is_plausible(1.0, 1e-3)
+    assert SecondMode(70.0, 0.03, -3.0, 0.1).is_plausible(1.0, 1e-3)
+    assert not SecondMode(70.0, 0.03, 0.5).is_plausible(1.0, 1e-3), "it takes more than half: the first itself"
+    assert not SecondMode(70.0, 0.75, 0.2).is_plausible(1.0, 1e-3), "no peak"
+    assert not SecondMode(70.0, 0.03, 0.2).is_plausible(1.0, 1e-2), "beyond half the rate"
+    assert not MechanicalResonance(70.0, 0.9).is_plausible(1.0, 1e-3), "no peak"
+    assert MechanicalResonance(1200.0, 0.03).is_plausible(1.0, 1e-3), "it rings on, seen as an image"
+    assert not MechanicalResonance(1200.0, 0.5).is_plausible(1.0, 1e-3), "over within a sample: a delay"
 
 
 # --- sensor --------------------------------------------------------------------------------------------------------

@@ -305,3 +305,16 @@ def test_the_command_writes_all_of_it_and_the_model_runs(
     assert run(["simulate", *model, "--input", "record.csv", "--output", "simulated.csv"]) == 0
     (tmp_path / "target.csv").write_text("time_s,desired_um\n0,0\n0.01,0.1\n0.02,0.15\n")
     assert run(["compensate", *model, "--input", "target.csv", "--output", "voltage.csv"]) == 0
+
+
+def test_a_form_that_stands_in_is_shown_and_is_no_name(tmp_path: Path) -> None:
+    given = _diagnosis(status=Status.UNEXPLAINED, findings=(), stand_ins=(_FINDING,))
+    write_report(given, tmp_path)
+    results = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert results["findings"] == []
+    assert [form["cause"] for form in results["stand_ins"]] == ["amplifier_bandwidth"]
+    shown = _Page((tmp_path / "report.html").read_text()).text
+    assert "not named: the form of amplifier_bandwidth" in shown
+    assert "No cause was accepted" not in shown
+    assert "Named:" not in shown
+    assert "not named: the form of amplifier_bandwidth" in str(given)

@@ -1,0 +1,43 @@
+"""How sure a name is told."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fomrc_core.diagnosis.belief import evidence_of, probability_of_unknown, with_probabilities
+from fomrc_core.diagnosis.findings import Finding
+from fomrc_core.diagnosis.judgement import Judgement
+
+_NOISE = Judgement(1.0, True, 0.0, (), ())
+_MORE = Judgement(1.0, False, 0.3, (), ("it is 3 times the noise",))
+
+
+def _told(margin: float, judgement: Judgement) -> float:
+    finding = Finding("transport_delay", {}, {}, 2.0, 1.0, 0.5, 1e-6, "", "", margin)
+    return with_probabilities((finding,), judgement)[0].probability
+
+
+@pytest.mark.parametrize("judgement", [_NOISE, _MORE])
+def test_a_larger_margin_is_never_told_less(judgement: Judgement) -> None:
+    told = [_told(margin, judgement) for margin in (-1e6, -300.0, -10.0, -1.0, 0.0, 1.0, 10.0, 300.0, 1e6)]
+    assert told == sorted(told)
+    assert all(0.0 < value < 1.0 for value in told)
+    assert _told(-50.0, judgement) < _told(math.nan, judgement) < _told(50.0, judgement), "not compared is in between"
+
+
+def test_the_same_margin_says_more_where_noise_is_left() -> None:
+    assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (-30.0, 0.0, 30.0))
+    assert _told(-30.0, _MORE) < 0.5 < _told(3000.0, _MORE)
+
+
+def test_nothing_found_and_more_than_noise_left_is_most_likely_something_unknown() -> None:
+    assert probability_of_unknown(_MORE, ()) > 0.5 > probability_of_unknown(_NOISE, ())
+
+
+def test_evidence_is_finite_and_odd_in_the_margin() -> None:
+    of = lambda margin: evidence_of(Finding("dead_zone", {}, {}, 2.0, 1.0, 0.5, 0.0, "", "", margin), _MORE)  # noqa: E731
+    assert of(25.0)[0] == -of(-25.0)[0] > 0.0
+    assert of(math.nan)[0] == 0.0
+    assert all(math.isfinite(value) for value in of(math.inf))

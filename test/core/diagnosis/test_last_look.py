@@ -1,0 +1,114 @@
+"""The last look: who else does as well in the place of one that was found, beside all that was found since."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis import last_look
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.candidate_fits import Begun, gone_on
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.decision import margin_of
+from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.step import Step
+from fomrc_core.effects.dead_zone import DeadZone
+from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
+from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.excitation import triangle
+from fomrc_core.records.recording import Recording
+
+_NOISE_UM = 1e-3
+
+
+@pytest.fixture(scope="module")
+def split() -> DataSplit:
+    drive = triangle(1.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=500.0)
+    rng = np.random.default_rng(1)
+    train, test = (
+        Recording(
+            drive.time_s, drive.voltage_v, 2.0 * drive.voltage_v + rng.normal(0.0, _NOISE_UM, drive.voltage_v.size)
+        )
+        for _ in range(2)
+    )
+    return split_data((train,), test, None, _NOISE_UM)
+
+
+def _candidate(split: DataSplit, cause: str, left: float, n_free: int) -> Candidate:
+    """Return a candidate that leaves white noise of so many times the noise's size, in training and held out."""
+    n = split.train[0].time_s.size
+    residual_um = np.random.default_rng(2).normal(0.0, left * _NOISE_UM, n)
+    held_um = np.random.default_rng(3).normal(0.0, left * _NOISE_UM, n)
+    model = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+    model = model.with_cause(VoltageDependentCapacitance(0.01, 1e-9)).with_cause(DeadZone(0.1))
+    squared_error = float(np.sum(residual_um[split.train[0].is_used] ** 2))
+    fitted = Refit(model, squared_error, (), (np.zeros((n, 0)),), (residual_um,), True)
+    gain = 2.0 * math.log(20.0 / left)
+    score = HeldOutScore(gain, 0.0, 1e-20, 20.0 * _NOISE_UM, left * _NOISE_UM)
+    return Candidate(cause, fitted, score, gain, (held_um,), n_free)
+
+
+def _look(split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate) -> LastLook:
+    monkeypatch.setattr(last_look, "_in_place_of", lambda *_: (own, list(others)))
+    monkeypatch.setattr(last_look, "held_residuals", lambda *_: list(own.held))
+    hidden = Step(own.fitted.model, own, (), (), margin=0.4)
+    since = Step(own.fitted.model, _candidate(split, "dead_zone", 1.0, 1), (), (), margin=50.0)
+    return looked_at_last((hidden, since), own.fitted, split, ("amplifier_bandwidth", "transport_delay"), None)
+
+
+def test_what_does_as_well_with_fewer_parameters_takes_the_place(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 2)
+    simpler = _candidate(split, "amplifier_bandwidth", 1.0, 1)
+    assert _look(split, monkeypatch, own, simpler).better == (0, simpler)
+
+
+def test_what_does_as_well_with_as_many_is_a_tie(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
+    look = _look(split, monkeypatch, own, _candidate(split, "transport_delay", 1.0, 1))
+    assert look.better is None
+    assert look.steps[0].tied == ("transport_delay",)
+
+
+def test_the_margin_is_that_beside_all_others(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
+    far = _candidate(split, "transport_delay", 3.0, 1)
+    steps = _look(split, monkeypatch, own, far).steps
+    n_samples = np.count_nonzero(split.train[0].is_used) + far.held[0].size
+    assert steps[0].margin == pytest.approx(n_samples * math.log(3.0), rel=0.5), "it was 0.4 when it was accepted"
+    assert steps[1].margin == 50.0, "the last was accepted beside all the others"
+
+
+def test_beside_nobody_a_margin_is_what_the_cause_gains(split: DataSplit) -> None:
+    own = _candidate(split, "cyclic_sensor_error", 18.0, 1)
+    n_samples = np.count_nonzero(split.train[0].is_used) + own.held[0].size
+    assert margin_of(own, [own], split) == pytest.approx(n_samples * math.log(20.0 / 18.0), rel=0.5)
+    assert margin_of(own, [_candidate(split, "dead_zone", 18.0, 1)], split) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("last_log_gain", "is_followed"), [(2.0, True), (0.01, False)])
+def test_a_fit_that_still_falls_fast_is_followed_where_it_stands_far_behind(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, last_log_gain: float, is_followed: bool
+) -> None:
+    far = replace(_candidate(split, "transport_delay", 6.0, 1).fitted, last_log_gain=last_log_gain, is_converged=False)
+    present = PresentModel.of(TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([1.9]), 0.0, (), ((),)), split)
+    followed: list[Refit] = []
+
+    def further(*_: object) -> list[Refit]:
+        followed.append(far)
+        return [replace(far, is_converged=True)]
+
+    monkeypatch.setattr("fomrc_core.diagnosis.candidate_fits._further", further)
+    monkeypatch.setattr("fomrc_core.diagnosis.candidate_fits._followed", lambda fit, *_: fit)
+    at_rest_um2 = _candidate(split, "amplifier_bandwidth", 1.0, 1).fitted.squared_error
+    found = gone_on(present, split, Begun("transport_delay", False, ((far, None),)), at_rest_um2)
+    assert found is not None, "where it has come to is told in any case"
+    assert bool(followed) == is_followed
