@@ -37,6 +37,7 @@ CONFIG = REPOSITORY / "config" / "tunable_filter.yaml"
 TARGETS = ((1.0e-6, 0.0, 0.0), (0.2e-6, 60e-6, -40e-6), (-0.8e-6, -50e-6, 50e-6), (0.0, 80e-6, 60e-6))
 _HOLD_S, _LOOK_S = 1.2, 0.5
 _PATIENCE_S = 60.0
+_READY_M = 0.04e-6
 _AT_REST_UM = 2e-3  # between two looks
 
 
@@ -48,6 +49,7 @@ class GapProbe:
     """
 
     def __init__(self, domain_id: int | None = None) -> None:
+        self._geometry = GapGeometry.from_list(GEOMETRY_SPEC.default)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("gap_probe", context=self._context)
@@ -63,18 +65,22 @@ class GapProbe:
         rclpy.try_shutdown(context=self._context)
 
     def until_ready(self) -> None:
-        """Move the gap to and fro until it follows: then every node hears those it must."""
+        """Move the gap to and fro until each axis follows: then every node hears those it must.
+
+        A node may find another seconds late, and what an axis does before the stage hears it is in its compensator's
+        memory alone; the moves are small, for what they leave there to be lost in that of the first target.
+        """
         deadline = time.monotonic() + _PATIENCE_S
-        for piston_m in (0.3e-6, -0.3e-6):
-            while not (self._heard and abs(self._heard[-1][1][0] - piston_m) < 0.1e-6):
+        for piston_m in (_READY_M, -_READY_M):
+            wanted = np.array([piston_m, 0.0, 0.0])
+            while not (self._heard and np.max(np.abs(self._off_um(self._heard[-1][1], wanted))) < 0.5e6 * _READY_M):
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"the gap does not follow: {self._heard[-1:]}")
-                self._command(np.array([piston_m, 0.0, 0.0]))
+                self._command(wanted)
         self._heard.clear()
 
     def errors_um(self, targets: Sequence[tuple[float, float, float]]) -> Array:
         """Return the errors of the axes at the end of each hold [um], (n_targets, 3)."""
-        geometry = GapGeometry.from_list(GEOMETRY_SPEC.default)
         found = []
         for target in targets:
             wanted = np.array(target)
@@ -84,7 +90,7 @@ class GapProbe:
                 while time.monotonic() < end_s:
                     self._command(wanted)
                 seen = [gap for heard_s, gap in self._heard if heard_s > end_s - _LOOK_S]
-                off = 1e6 * geometry.displacements_m(np.mean(seen, axis=0) - wanted)
+                off = self._off_um(np.mean(seen, axis=0), wanted)
                 # where the machine is busy the way takes longer than the hold
                 if np.max(np.abs(off - before)) < _AT_REST_UM or end_s > begun_s + _PATIENCE_S:
                     break
@@ -92,6 +98,9 @@ class GapProbe:
             found.append(off)
             self._heard.clear()
         return np.array(found)
+
+    def _off_um(self, gap: Array, wanted: Array) -> Array:
+        return 1e6 * self._geometry.displacements_m(gap - wanted)
 
     def _command(self, motions: Array) -> None:
         self._publisher.publish(JointState(name=list(MOTIONS), position=motions.tolist()))

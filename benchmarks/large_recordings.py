@@ -117,7 +117,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="3")
     parser.add_argument("--max-memory", default="2.0")
     parser.add_argument("--commands", default="identify,diagnose")
-    parser.add_argument("--format", default="npz", choices=("npz", "csv"))
+    parser.add_argument("--format", default="npz", choices=("npz", "csv", "parquet"))
     options = parser.parse_args()
     print("| cause | seed | command | wall [s] | CPU [s] | memory [GB] | outcome |\n|---|---|---|---:|---:|---:|---|")
     for cause in options.causes.split(","):
@@ -127,6 +127,10 @@ def main() -> None:
                 columns = measured(cause, options.samples, seed)
                 if options.format == "npz":
                     np.savez(record, **columns)
+                elif options.format == "parquet":
+                    import pandas
+
+                    pandas.DataFrame(columns).to_parquet(record)
                 else:
                     rows = np.column_stack(list(columns.values()))
                     np.savetxt(record, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -17,8 +17,10 @@ from fomrc_core.cli.excite_commands import excite
 from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
+from fomrc_core.cli.help_examples import example_of
 from fomrc_core.cli.model_commands import simulate
 from fomrc_core.cli.options import COMMAND
+from fomrc_core.cli.progress import loading_told
 from fomrc_core.cli.view_command import view
 from fomrc_core.cli.watch_command import watch
 from fomrc_core.errors import FomrcError
@@ -28,7 +30,6 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 application = typer.Typer(
     name="fomrc",
     help="Hysteresis and creep of piezo actuators: simulate, invert, fit, and find what a model misses.",
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -52,32 +53,39 @@ def _before_any_command(
     pass
 
 
-application.command()(simulate)
-application.command()(compensate)
-application.command()(export)
-application.command()(identify)
-application.command("identify-fleet")(identify_fleet)
-application.command("identify-axes")(identify_axes)
-application.command()(check)
-application.command()(diagnose)
-application.command("diagnose-fleet")(diagnose_fleet)
-application.command()(watch)
-application.command()(view)
+_COMMANDS: dict[str, Callable[..., int | None]] = {
+    "simulate": simulate,
+    "compensate": compensate,
+    "export": export,
+    "identify": identify,
+    "identify-fleet": identify_fleet,
+    "identify-axes": identify_axes,
+    "check": check,
+    "diagnose": diagnose,
+    "diagnose-fleet": diagnose_fleet,
+    "watch": watch,
+    "view": view,
+    "compare": compare,
+    "reproduce": reproduce,
+    "benchmark": benchmark,
+    "data": data,
+    "import": import_file,
+    "doctor": doctor,
+    "demo": demo,
+}
+_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
+for _name, _command in _COMMANDS.items():
+    _settings = _PASSED_ON if _name == "demo" else {}
+    application.command(_name, epilog=example_of(_name), context_settings=_settings)(_command)
 application.add_typer(excite, name="excite")
-application.command()(compare)
-application.command()(reproduce)
-application.command()(benchmark)
-application.command()(data)
-application.command("import")(import_file)
-application.command()(doctor)
-application.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(demo)
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit status."""
     COMMAND.set(("fomrc", *arguments))
     try:
-        status = application(args=list(arguments), prog_name="fomrc", standalone_mode=False)
+        with loading_told():
+            status = application(args=list(arguments), prog_name="fomrc", standalone_mode=False)
     except FomrcError as error:
         return _refuse(str(error))
     except KeyboardInterrupt:
@@ -89,15 +97,24 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(f"not enough memory ({error or 'no size told'}): shorter records or fewer samples")
     except Exception as error:
         # Wrong usage. The class is click's or, in newer releases, a copy of it inside of typer.
-        if type(error).__name__ == "Abort":
+        if type(error).__name__ == "Abort" or _is_of_interrupt(error):
             return INTERRUPTED
         if type(error).__name__ == "NoArgsIsHelpError":
-            print(error.format_message())  # type: ignore[attr-defined]
-            return BAD_INPUT
+            print(error.format_message(), flush=True)  # type: ignore[attr-defined]
+            return _refuse("no command (allowed: one of those above)")
         if not hasattr(error, "format_message"):
             raise
         return _refuse(_usage_error(error, arguments))
     return status if isinstance(status, int) else DONE
+
+
+def _is_of_interrupt(error: BaseException | None) -> bool:
+    """Return whether an error comes of an interrupt: compiled modules that are being loaded make others of it."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _usage_error(error: Any, arguments: Sequence[str]) -> str:

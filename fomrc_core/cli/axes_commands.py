@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from fomrc_core.cli.options import OutputDirectory, progress_shown, say
+from fomrc_core.cli.options import OutputDirectory
+from fomrc_core.cli.progress import progress_shown, say
 from fomrc_core.errors import ParameterError
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fomrc_core.cli.options import COMMAND, progress_shown, say, worker_threads
+from fomrc_core.cli.options import COMMAND
+from fomrc_core.cli.progress import progress_shown, say, worker_threads
 from fomrc_core.errors import ParameterError
 
 
@@ -26,7 +27,7 @@ def diagnose_several_axes(
     """
     from fomrc_core.diagnosis.axes import AxesRecord, diagnose_axes
     from fomrc_core.report.axes_diagnosis_files import write_axes_report
-    from fomrc_core.report.diagnosis_files import FILE_NAMES
+    from fomrc_core.report.diagnosis_names import FILE_NAMES
     from fomrc_core.report.provenance import Provenance
     from fomrc_core.storage import check_outputs, files_in, make_directory
     from fomrc_core.storage.axes_files import read_axes_fit_error, read_axes_model, read_axes_recording
@@ -49,7 +50,7 @@ def diagnose_several_axes(
     read = [("recording", path) for path in recordings] + [("model", model)] + ([("test", test)] if test else [])
     provenance = Provenance.of(COMMAND.get(), read)
     folder = make_directory(output)
-    with worker_threads() as executor, progress_shown("diagnose") as progress:
+    with progress_shown("diagnose") as progress, worker_threads() as executor:
         diagnosis = diagnose_axes(records, base, model_error=error, progress=progress, executor=executor)
         progress(1.0, "report")
         write_axes_report(diagnosis, folder, provenance)

@@ -21,8 +21,8 @@ from fomrc_core.cli.options import (
     Sort,
     Topics,
     Units,
-    progress_shown,
 )
+from fomrc_core.cli.progress import progress_shown
 
 
 def check(

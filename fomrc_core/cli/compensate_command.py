@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fomrc_core.cli.compensate_axes import axes_columns, axes_waveforms
-from fomrc_core.cli.options import say as tell
+from fomrc_core.cli.progress import say as tell
 
 if TYPE_CHECKING:
     from fomrc_core.compute.arrays import Array

@@ -19,8 +19,8 @@ from fomrc_core.cli.options import (
     Sort,
     Topics,
     Units,
-    say,
 )
+from fomrc_core.cli.progress import say, sign_of_life
 
 _LIBRARIES = {
     "numba": "kernels at the speed of C; without it everything takes some hundred times as long",
@@ -63,15 +63,16 @@ def import_file(
     check_outputs({"--output": output, **({"--plot": plot} if plot else {})}, [recording])
     reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
     record = reading.read(recording)
-    # columns the user told of are understood as told
-    if recording.is_file() and columns is None:
-        say(f"understood: {understood_file(recording, reading.options()).description}")
-    if record.displacement_um is not None:
-        for line in str(examine(record).quality).splitlines():
-            say(f"data quality: {line}")
-    write_recording(record, output)
-    if plot:
-        write_bytes(recording_png(record), plot)
+    with sign_of_life("import"):
+        # columns the user told of are understood as told
+        if recording.is_file() and columns is None:
+            say(f"understood: {understood_file(recording, reading.options()).description}")
+        if record.displacement_um is not None:
+            for line in str(examine(record).quality).splitlines():
+                say(f"data quality: {line}")
+        write_recording(record, output)
+        if plot:
+            write_bytes(recording_png(record), plot)
     print(record)
 
 

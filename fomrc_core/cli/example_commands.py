@@ -24,9 +24,8 @@ from fomrc_core.cli.options import (
     Sort,
     Topics,
     Units,
-    progress_shown,
-    say,
 )
+from fomrc_core.cli.progress import progress_shown, say
 from fomrc_core.errors import DataUnavailableError, FomrcError
 
 
@@ -75,11 +74,13 @@ def compare(
 
 def reproduce(output: OutputDirectory) -> None:
     """Reproduce the paper's tables and figures on simulated data with the same excitations."""
-    from fomrc_core.reproduction.reproduction import reproduce as reproduce_all
     from fomrc_core.storage import make_directory
 
     folder = make_directory(output)
     with progress_shown("reproduce") as progress:
+        progress(0.0, "loading models, fits and diagnosis")
+        from fomrc_core.reproduction.reproduction import reproduce as reproduce_all
+
         reproduction = reproduce_all(folder, progress=progress)
     print(reproduction)
 
@@ -117,7 +118,10 @@ def data(
 
 
 def demo(context: typer.Context) -> None:
-    """Linearise a piezo stage through ROS, and identify a measured one; needs ROS 2."""
+    """Linearise a piezo stage through ROS, and identify a measured one; needs ROS 2.
+
+    --fast drives fast rasters on a stage that rings instead; --output DIR is where pictures and models go.
+    """
     needed = [name for name in ("fomrc_ros", "rclpy") if importlib.util.find_spec(name) is None]
     if needed:
         raise FomrcError(f"demo needs {' and '.join(needed)}: source a ROS 2 installation or pip install '.[ros]'")

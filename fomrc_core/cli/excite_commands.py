@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fomrc_core.cli.options import say
+from fomrc_core.cli.help_examples import example_of
+from fomrc_core.cli.progress import say
 from fomrc_core.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ Cycles = Annotated[int, typer.Option(help="Cycles, each of less amplitude than t
 Unipolar = Annotated[bool, typer.Option("--unipolar", help="Between zero and the amplitude.")]
 
 
-@excite.command()
+@excite.command(epilog=example_of("excite relax"))
 def relax(
     output: Output,
     amplitude: Amplitude = 2.5,
@@ -45,7 +46,7 @@ def relax(
     )
 
 
-@excite.command()
+@excite.command(epilog=example_of("excite triangle"))
 def triangle(
     output: Output,
     amplitude: Amplitude = 2.5,
@@ -71,7 +72,7 @@ def triangle(
     )
 
 
-@excite.command()
+@excite.command(epilog=example_of("excite staircase"))
 def staircase(
     output: Output,
     amplitude: Amplitude = 2.5,
@@ -99,7 +100,7 @@ def staircase(
     )
 
 
-@excite.command()
+@excite.command(epilog=example_of("excite steps"))
 def steps(
     output: Output,
     levels: Annotated[str, typer.Option(help="Levels [V], in order.")] = "2.5,0,1.5,0,0.5,0,-0.5,0,-1.5,0,-2.5,0",
@@ -120,7 +121,7 @@ def steps(
     _write(excitation.steps(levels_v, dwell_s=dwell, lead_in_s=lead_in, offset_v=offset, rate_hz=rate), output)
 
 
-@excite.command()
+@excite.command(epilog=example_of("excite multisine"))
 def multisine(
     output: Output,
     amplitude: Amplitude = 2.5,

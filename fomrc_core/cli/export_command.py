@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.model_commands import ModelFile
-from fomrc_core.cli.options import OutputDirectory, say
+from fomrc_core.cli.options import OutputDirectory
+from fomrc_core.cli.progress import say
 from fomrc_core.errors import ParameterError
 
 

@@ -25,10 +25,8 @@ from fomrc_core.cli.options import (
     Sort,
     Topics,
     Units,
-    progress_shown,
-    say,
-    worker_threads,
 )
+from fomrc_core.cli.progress import progress_shown, say, worker_threads
 from fomrc_core.errors import ParameterError
 
 HeldOut = Annotated[Path | None, typer.Option("--test", metavar="T.csv", help="Recording held out of the fit.")]
@@ -70,9 +68,6 @@ def identify(
 
     Writes a model file, which is a ROS parameter file as well. How good the fit is stands on standard output.
     """
-    from fomrc_core.identification.convex import identify as fit_to
-    from fomrc_core.identification.uncertainty import estimate_uncertainty
-    from fomrc_core.report.fit_results import fit_results, uncertainty_results
     from fomrc_core.storage import check_outputs, write_model, write_text
 
     n_elements = _element_count(elements)
@@ -81,6 +76,11 @@ def identify(
     reading = Reading(columns, rate, topics, units, drop_nan, sort, despike, resample, accept)
     records = [reading.read(path) for path in recordings]
     held_out = reading.read(test) if test else None
+    # what takes a second to import comes after the first word
+    from fomrc_core.identification.convex import identify as fit_to
+    from fomrc_core.identification.uncertainty import estimate_uncertainty
+    from fomrc_core.report.fit_results import fit_results, uncertainty_results
+
     with progress_shown("identify") as progress:
         fit = fit_to(
             records,
@@ -146,11 +146,9 @@ def diagnose(
         if report is not None:
             raise ParameterError("not with several axes", where="--report", value=str(report), allowed="--test")
         return diagnose_several_axes(recordings, output, test, model, periods)
-    from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
     from fomrc_core.fitting.memory_plan import DIAGNOSING
     from fomrc_core.records.usability import check_usable
-    from fomrc_core.report.diagnosis_files import FILE_NAMES, write_report
-    from fomrc_core.report.provenance import Provenance
+    from fomrc_core.report.diagnosis_names import FILE_NAMES
     from fomrc_core.storage import check_outputs, files_in, make_directory, read_model
 
     inputs = [*recordings, *(path for path in (test, report, model) if path is not None)]
@@ -163,11 +161,17 @@ def diagnose(
     given = [record for record in (*records, held_out, third) if record is not None]
     if sum(record.n_samples for record in given) <= DIAGNOSING.n_whole_max:  # longer ones are looked at in parts
         check_usable(given)
+    from fomrc_core.report.provenance import Provenance
+
     read = [("recording", path) for path in recordings]
     read += [(role, path) for role, path in (("test", test), ("report", report), ("model", model)) if path is not None]
     provenance = Provenance.of(COMMAND.get(), read)
     folder = make_directory(output)
-    with worker_threads() as executor, progress_shown("diagnose") as progress:
+    with progress_shown("diagnose") as progress, worker_threads() as executor:
+        progress(0.0, "loading the library of causes")  # which takes seconds
+        from fomrc_core.diagnosis.diagnosis import diagnose as find_causes
+        from fomrc_core.report.diagnosis_files import write_report
+
         diagnosis = find_causes(
             records,
             test=held_out,

@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.fit_commands import Method, _element_count
-from fomrc_core.cli.options import Columns, OutputDirectory, Rate, progress_shown, say
+from fomrc_core.cli.options import Columns, OutputDirectory, Rate
+from fomrc_core.cli.progress import progress_shown, say
 from fomrc_core.errors import ParameterError
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of recordings, one for each actuator.")]

@@ -18,8 +18,8 @@ from fomrc_core.cli.options import (
     Sort,
     Topics,
     Units,
-    say,
 )
+from fomrc_core.cli.progress import say
 
 ModelFile = Annotated[Path, typer.Option("--model", "-m", metavar="M.yaml", help="Model file.")]
 

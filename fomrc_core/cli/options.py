@@ -1,12 +1,7 @@
-"""Options several commands share, and how they talk while they work."""
+"""Options several commands share, and how recordings are read by them."""
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fomrc_core.cli.progress import say, sign_of_life
 from fomrc_core.errors import RecordingError
 
 if TYPE_CHECKING:
     from fomrc_core.records.recording import Recording
     from fomrc_core.storage.reading import ReadingOptions
-
-Progress = Callable[[float, str], None]
 
 _COLUMNS_HELP = "Which column (from 0) is what, in a file without header: time=none,voltage=0,displacement=4."
 _RATE_HELP = "Sample rate [Hz] of a file without time."
@@ -57,11 +51,6 @@ OutputDirectory = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", 
 COMMAND: ContextVar[tuple[str, ...]] = ContextVar("fomrc_command", default=())
 
 
-def say(text: str) -> None:
-    """Tell the user something beside the results: standard output stays free for those."""
-    print(text, file=sys.stderr, flush=True)
-
-
 @dataclass(frozen=True)
 class Reading:
     """How a command reads its recordings, as the options say it."""
@@ -89,7 +78,8 @@ class Reading:
         from fomrc_core.records.plausibility import summary_line, suspicions
         from fomrc_core.storage.reading import read_as
 
-        found = read_as(path, self.options())
+        with sign_of_life(f"read {path.name}"):
+            found = read_as(path, self.options())
         recording = found.recording
         say(f"read {recording.name}: {summary_line(recording)}")
         for change in found.changes:
@@ -119,43 +109,3 @@ class Reading:
             despike=self.despike,
             resample_hz=self.resample_hz,
         )
-
-
-@contextmanager
-def worker_threads() -> Iterator[ThreadPoolExecutor | None]:
-    """Give one thread per processor to work in; None where there is one only.
-
-    Kernels and linear algebra release the interpreter; processes would spend longer on passing the records' columns
-    to and fro than on working with them.
-    """
-    n_processors = os.cpu_count() or 1
-    if n_processors < 2:
-        yield None
-        return
-    with ThreadPoolExecutor(n_processors) as executor:
-        yield executor
-
-
-@contextmanager
-def progress_shown(title: str) -> Iterator[Progress]:
-    """Show how far a long work has come: a bar on a terminal, a line per stage elsewhere."""
-    from rich.console import Console
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bars
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        last = ""
-
-        def tell(share: float, text: str) -> None:
-            nonlocal last
-            if text != last:
-                say(f"{title}: {100.0 * min(max(share, 0.0), 1.0):3.0f} % {text}")
-            last = text
-
-        yield tell
-        return
-    shown = (TextColumn("{task.fields[title]}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Bars(*shown, TextColumn("{task.description}"), console=console, transient=True) as bars:
-        task = bars.add_task("", total=1.0, title=title)
-        yield lambda share, text: bars.update(task, completed=share, description=text)

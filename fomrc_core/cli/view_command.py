@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from fomrc_core.cli.options import COMMAND, Columns, DropNan, Rate, Reading, Sort, Topics, Units, say
+from fomrc_core.cli.options import (
+    COMMAND,
+    Columns,
+    DropNan,
+    Rate,
+    Reading,
+    Sort,
+    Topics,
+    Units,
+)
+from fomrc_core.cli.progress import say, sign_of_life
 from fomrc_core.errors import ParameterError
 
 _MODEL_SUFFIXES = (".yaml", ".yml")
@@ -55,15 +65,16 @@ def view(
     records = [reading.read(path, is_judged=False) for path in recordings]
     roles = [("model", path) for path in model_files] + [("recording", path) for path in recordings]
     origin = Provenance.of(COMMAND.get(), roles)
-    if records and models:
-        text = residual_page(models, records[0], origin)
-    elif records:
-        text = recording_page(records[0], origin)
-    elif len(models) > 1:
-        text = comparison_page(models, max_voltage, origin)
-    else:
-        ((name, model),) = models.items()
-        text = model_page(name, model, max_voltage, origin)
+    with sign_of_life("view"):
+        if records and models:
+            text = residual_page(models, records[0], origin)
+        elif records:
+            text = recording_page(records[0], origin)
+        elif len(models) > 1:
+            text = comparison_page(models, max_voltage, origin)
+        else:
+            ((name, model),) = models.items()
+            text = model_page(name, model, max_voltage, origin)
     write_text(text, page)
     print(page)
     if not no_open and not webbrowser.open(page.resolve().as_uri()):

@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from fomrc_core.cli.model_commands import ModelFile
-from fomrc_core.cli.options import Columns, Rate, Reading, Recordings, Topics, Units, say
+from fomrc_core.cli.options import (
+    Columns,
+    Rate,
+    Reading,
+    Recordings,
+    Topics,
+    Units,
+)
+from fomrc_core.cli.progress import say
 
 # What is simulated at a time of a long recording.
 _N_CHUNK = 100_000

@@ -27,6 +27,7 @@ from fomrc_core.comparison.baselines.rival import (
 )
 from fomrc_core.comparison.kept_rows import ROWS_NAME, KeptRows
 from fomrc_core.comparison.result import Comparison, InverseQuality, Row
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.quality import examine
@@ -156,6 +157,7 @@ def _scored(
     start = time.perf_counter()
     fitted.simulate(held.steps_s, held.voltage_v)
     per_sample = (time.perf_counter() - start) / held.voltage_v.size
+    beat("simulations")
     return Row(
         name,
         publication,
@@ -177,6 +179,7 @@ def inverse_quality(fitted: FittedRival, held: TrainingRecord) -> InverseQuality
     noise = np.random.default_rng(7).normal(0.0, NOISE_UM, reached.size)
     with np.errstate(all="ignore"):
         voltage = fitted.invert(held.steps_s, reached)
+        beat("inversions")
         noisy = fitted.invert(held.steps_s, reached + noise)
     span_v, span_um = float(np.ptp(held.voltage_v[scored])), float(np.ptp(reached[scored]))
     round_trip = 100.0 * float(np.sqrt(np.mean((voltage - held.voltage_v)[scored] ** 2))) / span_v

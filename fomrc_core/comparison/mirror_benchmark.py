@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import StorageError
 from fomrc_core.identification.axes import AxesIdentification, AxesOptions, identify_axes, periodic_record
 from fomrc_core.model.axes import AxesModel
@@ -137,6 +138,11 @@ def _array(path: Path) -> Array:
     return np.asarray(found, dtype=np.float64)
 
 
+def _heard(score: Callable[..., float], model: AxesModel, pair: tuple[Array, Array]) -> float:
+    beat("scores")
+    return score(model, *pair)
+
+
 def score_steady(model: AxesModel, voltage_v: Array, displacement_um: Array) -> float:
     """Return the mean relative error [1] of one record's periods, after a run-in of one period, level told.
 
@@ -218,7 +224,7 @@ def run_benchmark(
         if not pairs:
             raise StorageError("no realisation to report", where=f"{train}, {one.level_mv} mV", allowed="6 or more")
         told, causal = (
-            100.0 * float(np.mean([score(found.model, u, y) for u, y in pairs]))
+            100.0 * float(np.mean([_heard(score, found.model, pair) for pair in pairs]))
             for score in (score_steady, score_causal)
         )
         spectra[one.level_mv] = _amplitudes(found.model, *pairs[0])

@@ -11,4 +11,5 @@ __all__ = [
     "gauss_newton",
     "least_squares",
     "notebook",
+    "pulse",
 ]

@@ -9,12 +9,29 @@ from typing import Any, TypeVar
 
 try:
     import numba
+    from numba.core import event
 except ImportError:  # pragma: no cover - exercised in an environment without numba
     numba = None
+
+from fomrc_core.compute.pulse import beat
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 IS_COMPILED = numba is not None
+
+if numba is not None:
+
+    class _Compiling(event.Listener):  # type: ignore[misc]
+        """Gives a sign of life while kernels are compiled, which takes a minute where none is cached."""
+
+        def on_start(self, event: Any) -> None:
+            beat("kernels compiled", 0)
+
+        def on_end(self, event: Any) -> None:
+            beat("kernels compiled", 1 if event.kind == "numba:compile" else 0)
+
+    for _kind in ("numba:compile", "numba:run_pass", "numba:llvm_lock"):
+        event.register(_kind, _Compiling())
 
 
 def compiled(function: Function) -> Function:

@@ -14,6 +14,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.least_squares import NormalEquations
+from fomrc_core.compute.pulse import beat
 
 # Added to the diagonal of the Gram matrix of unit directions. The first is small beside the directions that the data
 # determine, so that the first step is nearly Gauss-Newton's; the largest makes a step of a millionth of the steepest
@@ -78,12 +79,15 @@ class Descent(Generic[PointT, LinearizedT]):
         linearized: the last linearization, about the point before the last step.
         n_iterations: linearizations made.
         is_converged: whether it came to rest within the iterations allowed.
+        last_log_gain: logarithm of the ratio of the sums of squares before and after the last step; 0 where none was
+            found.
     """
 
     point: PointT
     linearized: LinearizedT
     n_iterations: int
     is_converged: bool
+    last_log_gain: float = 0.0
 
 
 class Trail(Protocol[AnyPointT]):
@@ -132,23 +136,25 @@ def descend(
     point = start
     linearized = linearize(point)
     for n_done in range(n_before + 1, n_iterations + 1):
+        beat("steps of fits")
         better, damping = _better(point, linearized, damping, least_gain * point.squared_error)
         if better is None:
             renewed = renew(point)
             if renewed is None:
                 return Descent(point, linearized, n_done, True)
-            point, damping = renewed, _FIRST_DAMPING
+            point, damping, last_log_gain = renewed, _FIRST_DAMPING, 0.0
         else:
             gain = (point.squared_error - better.squared_error) / point.squared_error
+            last_log_gain = -math.log1p(-gain) if gain < 1.0 else math.inf
             point, damping = better, max(damping / _LOWERED_BY, _LEAST_DAMPING)
             if gain < least_gain:
-                return Descent(point, linearized, n_done, True)
+                return Descent(point, linearized, n_done, True, last_log_gain)
         if n_done == n_iterations or is_hopeless(n_done, point):
             break
         if trail is not None:
             trail.note(point, n_done, damping)
         linearized = linearize(point)
-    return Descent(point, linearized, n_done, False)
+    return Descent(point, linearized, n_done, False, last_log_gain)
 
 
 def _better(

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.plants import paper_stage
 from fomrc_core.plants.simulated_rig import SimulatedRig
 from fomrc_core.reproduction import experiments, figures
@@ -53,17 +54,20 @@ def reproduce(
     def within(low: float, high: float) -> Callable[[float, str], None]:
         return lambda share, text: tell(low + share * (high - low), text)
 
-    rig = SimulatedRig()
     tell(0.0, "recording what section 3 records")
+    rig = SimulatedRig()
     found = identification_runs(rig, within(0.0, 0.4))
     tell(0.4, "steps")
     steps = experiments.step_runs(rig, found.convex.model)
     tell(0.45, "triangles of ten slopes")
     slopes = experiments.slope_runs(rig, found.convex.model, found.fast_model, found.diagnosed_model)
-    tell(0.5, "staircase, tracking and linearity")
+    tell(0.5, "staircase")
     staircase = experiments.staircase_run(rig, found.convex.model)
+    tell(0.51, "tracking")
     tracking = experiments.tracking_run(rig, found.both_model)
+    tell(0.52, "linearity")
     linearity = experiments.linearity_run(rig, found.both_model)
+    tell(0.53, "relaxation routine and loops")
     without, with_routine = experiments.relaxation_runs(rig)
     loops = experiments.loop_runs(rig, found.convex.model)
     study = start_study(rig, within(0.55, 0.85), n_starts)
@@ -103,6 +107,7 @@ def _save(drawn: dict[str, Figure], directory: Path) -> None:
     for name, figure in drawn.items():
         for kind in ("png", "svg"):
             figure.savefig(directory / f"{name}.{kind}", dpi=130)
+            beat("pictures")
 
 
 def _json(reproduction: Reproduction, found: Identified, study: StartStudy) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import FomrcError, StorageError
 from fomrc_core.records.recording import Recording
 
@@ -89,6 +90,7 @@ def stamped_messages(reader: AnyReader, topic: str) -> Iterator[tuple[int, Any]]
     """Yield each message of a topic with its stamp [ns], or with when it was recorded where it has none."""
     same_topic = [c for c in reader.connections if c.topic == topic]
     for of_message, recorded_ns, raw in reader.messages(connections=same_topic):
+        beat("messages")
         message: Any = reader.deserialize(raw, of_message.msgtype)
         stamp = message.header.stamp if hasattr(message, "header") else None
         stamped_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp is not None else 0

@@ -13,10 +13,10 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -25,11 +25,14 @@ from typing import Any
 from fomrc_core.errors import FomrcError, ParameterError
 from fomrc_core.storage.atomic import make_directory, write_text
 from fomrc_core.storage.tables import number_or_none
+from fomrc_core.storage.work_account import WorkAccount, at_work
 
 _RECORD_SUFFIXES = (".csv", ".csv.gz", ".txt", ".dat")
 _NOTES_SUFFIXES = (".txt", ".dat")
 _N_LINES_LOOKED_AT, _N_ROWS_MIN, _LONGEST_LINE = 100, 5, 4096
 _WATCH_S = 0.5  # a worker outlives its parent by no more
+_LOOK_S = 1.0  # how often what the workers do is looked at
+_TELL_S = 3.0  # how often it is told where no recording is done
 _BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 WorkProgress = Callable[[float, str], None]
@@ -109,6 +112,21 @@ def _has_numbers(path: Path) -> bool:
     return n_numbers >= _N_ROWS_MIN
 
 
+_ENTRIES: Any = None  # of the account kept with the parent: in a worker
+
+
+def _begin_worker(parent: int, entries: Any) -> None:
+    global _ENTRIES
+    _ENTRIES = entries
+    _end_with(parent)
+
+
+def _work_on_one_told(number: int, recording: str, output: str, work: RecordWork) -> RecordOutcome:
+    """Do the work on one recording in a process of its own, that tells its parent what it does."""
+    with at_work(_ENTRIES, number):
+        return work_on_one(recording, output, work)
+
+
 def _end_with(parent: int) -> None:
     """End this worker once its parent is gone: killed, it cannot ask anybody to end."""
 
@@ -140,7 +158,7 @@ def work_on(
         work: what is done.
         executor: runs the records; by default one process per processor. It is not shut down.
         n_workers: number of processes of the default executor.
-        progress: called with the share done and the record that is done.
+        progress: called with the share done and the record that is done, and every few seconds with what is at work.
 
     Raises:
         ParameterError: two recordings of one name, or a number of workers below 1.
@@ -164,32 +182,78 @@ def work_on(
             results[path.name] = kept
     tell(len(results) / max(len(paths), 1), f"{len(results)} of {len(paths)} already done")
     if waiting:
-        with _executor(executor, n_workers) as pool:
-            for outcome in _finished(pool, waiting, output, work):
+        outcomes = _outcomes(
+            waiting,
+            output,
+            work,
+            executor=executor,
+            n_workers=n_workers,
+            tell=lambda text: tell(len(results) / len(paths), text),
+        )
+        with closing(outcomes):  # interrupted, workers end now, not when the generator is collected
+            for outcome in outcomes:
                 results[outcome.name] = outcome
                 mark = "done" if outcome.is_done else "FAILED"
                 tell(len(results) / len(paths), f"{outcome.name}: {mark}: {outcome.reason}")
     return tuple(results[name] for name in names)
 
 
-def _finished(pool: Executor, waiting: list[Path], output: Path, work: RecordWork) -> Iterator[RecordOutcome]:
-    futures: dict[Future[RecordOutcome], Path] = {
-        pool.submit(work_on_one, str(path), str(output), work): path for path in waiting
-    }
-    for future in as_completed(futures):
-        try:
-            yield future.result()
-        except BrokenProcessPool:
-            raise FomrcError("a worker process died; run again to go on where it stopped") from None
-        except Exception as error:
-            yield _failed(futures[future], output, work, f"{type(error).__name__}: {error}")
+def _outcomes(
+    waiting: Sequence[Path],
+    output: Path,
+    work: RecordWork,
+    *,
+    executor: Executor | None,
+    n_workers: int | None,
+    tell: Callable[[str], None],
+) -> Generator[RecordOutcome]:
+    """Yield what becomes of each recording as soon as it is done, and tell what is at work meanwhile."""
+
+    def failed(future: Future[RecordOutcome], error: Exception) -> RecordOutcome:
+        return _failed(futures[future], output, work, f"{type(error).__name__}: {error}")
+
+    if executor is not None:
+        futures = {executor.submit(work_on_one, str(path), str(output), work): path for path in waiting}
+        yield from _finished(
+            futures, failed, tell, lambda n_left, still_s: f"{n_left} with the executor, none done for {still_s:.0f} s"
+        )
+        return
+    account = WorkAccount([path.name for path in waiting])
+    with _processes(n_workers, account) as pool:
+        futures = {
+            pool.submit(_work_on_one_told, number, str(path), str(output), work): path
+            for number, path in enumerate(waiting)
+        }
+        yield from _finished(futures, failed, tell, lambda _n_left, _still_s: account.told())
+
+
+def _finished(
+    futures: Collection[Future[RecordOutcome]],
+    failed: Callable[[Future[RecordOutcome], Exception], RecordOutcome],
+    tell: Callable[[str], None],
+    told: Callable[[int, float], str],
+) -> Iterator[RecordOutcome]:
+    left, done_s = set(futures), time.monotonic()
+    told_s = done_s
+    while left:
+        done, left = wait(left, _LOOK_S, FIRST_COMPLETED)
+        for future in done:
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                raise FomrcError("a worker process died; run again to go on where it stopped") from None
+            except Exception as error:
+                yield failed(future, error)
+        now_s = time.monotonic()
+        if done:
+            told_s = done_s = now_s
+        elif now_s - told_s >= _TELL_S:
+            tell(told(len(left), now_s - done_s))
+            told_s = now_s
 
 
 @contextmanager
-def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executor]:
-    if given is not None:
-        yield given
-        return
+def _processes(n_workers: int | None, account: WorkAccount) -> Iterator[Executor]:
     # Workers as many as processors: threads of the linear algebra on top of them only wait for each other. What
     # the user has set stays.
     before = {name: os.environ.get(name) for name in _BLAS_THREADS}
@@ -197,7 +261,7 @@ def _executor(given: Executor | None, n_workers: int | None) -> Iterator[Executo
     try:
         # Spawned: a fork would copy the threads' locks of whatever runs beside it.
         context = get_context("spawn")
-        with ProcessPoolExecutor(n_workers, context, _end_with, (os.getpid(),)) as pool:
+        with ProcessPoolExecutor(n_workers, context, _begin_worker, (os.getpid(), account.entries)) as pool:
             yield pool
     finally:
         for name, value in before.items():

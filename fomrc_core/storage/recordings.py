@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import InputError, StorageError
 from fomrc_core.records.recording import Recording
 from fomrc_core.storage.atomic import read_table_text, text_blocks, write_text
@@ -20,6 +21,7 @@ from fomrc_core.storage.tables import TextTable, number_or_none
 
 _N_BYTES_MAX = 2**31
 _LONG_BYTES, _BLOCK_CHARACTERS = 2**24, 2**24  # of text: lines take several times as much memory as their numbers
+_N_COUNTED = 50_000  # rows, of those written
 _OTHER_UNIT = "column has another unit, or none"
 _TOLD_WELL = ("no column time_s", "no header line")
 _TELLING = ("the file does not say the unit", "two columns are", "no column is time", "row has another number of cells")
@@ -77,10 +79,12 @@ def read_recording(
     told = None if columns is None else dict(columns)
     if is_binary_table(Path(path)):
         return recording_of(understand(read_binary_table(Path(path)), told, rate_hz, units), name)
-    long = _long_fields(path, columns, rate_hz)
+    long = None if units is not None else _long_fields(path, columns, rate_hz)
     if long is not None:
         return Recording(**long, name=name)
     text = read_table_text(path, n_bytes_max=_N_BYTES_MAX)
+    if units is not None and columns is None:  # what the user says counts, whatever a header says
+        return recording_of(understand(read_text_table(text, os.fspath(path)), None, rate_hz, units), name)
     try:
         return Recording(**_own_fields(text, os.fspath(path), columns, rate_hz), name=name)
     except StorageError as error:
@@ -140,6 +144,7 @@ def _long_fields(
                 if ("time_s" in found) == (rate_hz is not None):
                     return None
             parts.append(table.numbers(list(found.values()), list(found)))
+            beat("rows", parts[-1].shape[1])
     except (InputError, OSError, ValueError, EOFError):
         return None
     fields = {name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(found)}
@@ -215,8 +220,15 @@ def write_columns(columns: Mapping[str, NDArray[np.float64]], path: str | os.Pat
         StorageError: the file cannot be written.
     """
     cells = [map(repr, np.asarray(values, dtype=np.float64).tolist()) for values in columns.values()]
-    rows = map(",".join, zip(*cells, strict=True))
+    rows = _counted(map(",".join, zip(*cells, strict=True)))
     write_text("\n".join([",".join(columns), *rows, ""]), path)
+
+
+def _counted(rows: Iterable[str]) -> Iterator[str]:
+    for number, row in enumerate(rows, start=1):
+        if number % _N_COUNTED == 0:
+            beat("rows", _N_COUNTED)
+        yield row
 
 
 def _columns_of_header(table: TextTable) -> tuple[TextTable, dict[str, int]]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fomrc_core.comparison.baselines.creep_cascade import NO_CREEP, CreepCascade, lag, linear_creep, logarithmic_creep
 from fomrc_core.comparison.baselines.rival import FittedRival, Rival, TrainingRecord
 from fomrc_core.compute.least_squares import non_negative_fit
+from fomrc_core.compute.pulse import beat
 
 Array = NDArray[np.float64]
 CreepKind = Literal["none", "logarithmic", "linear"]
@@ -111,10 +112,7 @@ class CascadeRival(Rival):
         creep: CreepCascade = NO_CREEP
         for _ in range(_N_ALTERNATIONS):
             gains = creep_gains(self.creep, creep)
-            crept = [
-                r.centred(c + sum(gain * part for gain, part in zip(gains, own, strict=True)))
-                for r, c, own in zip(records, columns, lags, strict=True)
-            ]
+            crept = [_crept(r, c, gains, own) for r, c, own in zip(records, columns, lags, strict=True)]
             weights = non_negative_fit(crept, targets)
             parts = [
                 r.centred(np.column_stack([c @ weights, *(part @ weights for part in own)]))
@@ -124,12 +122,30 @@ class CascadeRival(Rival):
         return FittedCascade(family.operator(weights), creep)
 
 
+def _crept(record: TrainingRecord, columns: Array, gains: Array, lags: Sequence[Array]) -> Array:
+    """Return the columns with what has crept of each, centred."""
+    crept = columns.copy()
+    for gain, part in zip(gains, lags, strict=True):
+        crept += gain * part
+        beat("lags", 0)  # still at it
+    return record.centred(crept)
+
+
 def lagged_columns(kind: CreepKind, record: TrainingRecord, columns: Array) -> list[Array]:
     """Return what each free gain of the creep multiplies, for every column, each shape (n_samples, n_columns)."""
     shape = linear_creep(np.ones(3)) if kind == "linear" else logarithmic_creep(1.0)
     every = np.ascontiguousarray(columns)
-    lags = [lag(every, record.steps_s, float(tau)) for tau in shape.time_constants_s]
-    return lags if kind == "linear" else [np.sum(lags, axis=0)]
+    lags = []
+    for tau in shape.time_constants_s:
+        lags.append(lag(every, record.steps_s, float(tau)))
+        beat("lags")
+    if kind == "linear":
+        return lags
+    together = lags[0]
+    for other in lags[1:]:
+        together += other
+        beat("lags", 0)  # still at it
+    return [together]
 
 
 def creep_gains(kind: CreepKind, creep: CreepCascade) -> Array:

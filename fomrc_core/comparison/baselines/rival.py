@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import ParameterError
 from fomrc_core.records.recording import Recording
 
@@ -98,6 +99,7 @@ def training_error_um(fitted: FittedRival, records: Sequence[TrainingRecord]) ->
     """Return the rms error over all scored samples [um], the offset of each record removed."""
     squares, count = 0.0, 0
     for record in records:
+        beat("simulations")
         error = record.centred(record.displacement_um - fitted.simulate(record.steps_s, record.voltage_v))
         squares += float(error @ error)
         count += error.size

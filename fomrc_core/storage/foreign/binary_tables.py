@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import StorageError
 from fomrc_core.storage.foreign.raw_columns import RawColumns
+
+_N_ROWS_AT_ONCE = 1 << 18  # of a table that is read in parts
 
 _Series = Iterator[tuple[str, str, Any]]
 
@@ -107,15 +110,35 @@ def _hdf5(path: Path) -> _Series:
     yield from found
 
 
-def _frame(read: str) -> Callable[[Path], _Series]:
-    def series(path: Path) -> _Series:
-        import pandas
+def _parquet(path: Path) -> _Series:
+    from pyarrow import types
+    from pyarrow.parquet import ParquetFile
 
-        frame = getattr(pandas, read)(path)
-        for name in frame.columns:
-            yield str(name), "", frame[name].to_numpy()
+    with ParquetFile(path) as file:
+        columns: dict[str, Any] = {}
+        for field in file.schema_arrow:
+            # pandas numbers the rows in a column of its own where they have no other index
+            if not field.name.startswith("__index_level_"):
+                if types.is_integer(field.type) or types.is_floating(field.type):
+                    columns[field.name] = np.empty(file.metadata.num_rows)
+                elif types.is_timestamp(field.type):
+                    columns[field.name] = np.empty(file.metadata.num_rows, dtype="datetime64[ns]")
+        at = 0
+        for batch in file.iter_batches(_N_ROWS_AT_ONCE, columns=list(columns)):
+            for name, values in columns.items():
+                values[at : at + batch.num_rows] = batch.column(name).to_numpy(zero_copy_only=False)
+            at += batch.num_rows
+            beat("rows", batch.num_rows)
+    for name, values in columns.items():
+        yield name, "", values
 
-    return series
+
+def _excel(path: Path) -> _Series:
+    import pandas
+
+    frame = pandas.read_excel(path)
+    for name in frame.columns:
+        yield str(name), "", frame[name].to_numpy()
 
 
 def _tdms(path: Path) -> _Series:
@@ -136,7 +159,7 @@ _READERS: dict[str, Callable[[Path], _Series]] = {
     ".mat": _mat,
     ".h5": _hdf5,
     ".hdf5": _hdf5,
-    ".parquet": _frame("read_parquet"),
-    ".xlsx": _frame("read_excel"),
+    ".parquet": _parquet,
+    ".xlsx": _excel,
     ".tdms": _tdms,
 }

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.pulse import beat
 from fomrc_core.errors import StorageError
 from fomrc_core.storage.foreign.headers import quantities_of
 from fomrc_core.storage.foreign.raw_columns import RawColumns
@@ -16,6 +17,7 @@ from fomrc_core.storage.tables import number_or_none
 _FORMS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (None, "."), (None, ","))
 _N_LOOKED_AT = 400
 _N_ROWS_MIN = 2
+_N_COUNTED = 50_000  # rows told at a time
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "--")
 _EMPTY = ("", "comment", "comments", "remark", "notes")
 _COMMENT_MARKS = ("#", "%")
@@ -129,6 +131,8 @@ def _values(lines: list[str], layout: _Layout, where: str) -> Array:
                 allowed=f"{layout.n_columns} cells",
             )
         rows.append([_value(cell, layout.decimal) for cell in cells])
+        if len(rows) % _N_COUNTED == 0:
+            beat("rows", _N_COUNTED)
     return np.ascontiguousarray(np.array(rows, dtype=np.float64).T)
 
 

@@ -49,7 +49,15 @@ def test_stopped_it_goes_on_where_it_was(here: Path, how: signal.Signals, capsys
     assert "+-" in capsys.readouterr().out
     unfinished = here / "m.yaml.unfinished"
     command = [sys.executable, "-m", "fomrc_core.cli", *_words("m.yaml")]
-    process = subprocess.Popen(command, cwd=here, stderr=subprocess.PIPE, text=True, env={**os.environ})
+    process = subprocess.Popen(
+        command,
+        cwd=here,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ},
+        # what a shell runs in the background ignores SIGINT, and so does all that is begun from there
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     deadline = time.monotonic() + 60.0
     while not unfinished.exists():
         assert process.poll() is None, "it ended before it had kept anything"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.cli.application import run
-from fomrc_core.cli.options import progress_shown
+from fomrc_core.cli.progress import progress_shown
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
 from fomrc_core.storage import measured_examples as data_sources
@@ -327,6 +327,27 @@ def test_an_interrupt_is_no_error(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     monkeypatch.setattr(data_sources, "locate", interrupted)
     assert run(["data"]) == 130
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_an_interrupt_that_a_module_being_loaded_made_an_import_error_of_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def loaded(_: str) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as interrupt:
+            raise ImportError("initialization failed") from interrupt
+
+    monkeypatch.setattr(data_sources, "locate", loaded)
+    assert run(["data"]) == 130
+    assert capsys.readouterr().err == ""
+
+    def broken(_: str) -> None:
+        raise ImportError("initialization failed")
+
+    monkeypatch.setattr(data_sources, "locate", broken)
+    with pytest.raises(ImportError, match="initialization failed"):
+        run(["data"])
 
 
 def test_progress_is_a_line_per_stage_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -141,3 +141,24 @@ def test_a_direction_that_does_not_act_stays_and_units_do_not_matter() -> None:
     for damping in (1e-9, 1e-3):
         step = damped_step(NormalEquations(gram, moment), damping)
         assert step == pytest.approx(np.array([2.0, 0.0, 3.0]) / (1.0 + damping), rel=1e-12)
+
+
+def test_a_descent_tells_how_much_its_last_step_gained() -> None:
+    met: list[_Point] = []
+
+    def note(n_done: int, point: _Point) -> bool:
+        met.append(point)
+        return False
+
+    start = np.array([500.0, 1e-4])
+    found = descend(
+        _Point(start, _misra(start)),
+        _linearize(_misra, _misra_jacobian),
+        n_iterations=3,
+        least_gain=1e-12,
+        is_hopeless=note,
+    )
+    assert not found.is_converged
+    before, after = met[-1].squared_error, found.point.squared_error
+    assert found.last_log_gain == pytest.approx(math.log(before / after))
+    assert found.last_log_gain > 0.1

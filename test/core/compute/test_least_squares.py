@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fomrc_core.compute import least_squares
 from fomrc_core.compute.least_squares import (
     non_negative_fit,
     non_negative_weights,
@@ -13,6 +14,7 @@ from fomrc_core.compute.least_squares import (
     variances_of,
     whitening_of,
 )
+from fomrc_core.compute.pulse import heard_by
 
 _RNG = np.random.default_rng(7)
 
@@ -88,3 +90,19 @@ def test_weak_directions_are_left_out_at_the_tolerance_asked_for() -> None:
     gram = nearly.T @ nearly
     assert whitening_of(gram).shape == (2, 2)
     assert whitening_of(gram, 1e-7).shape == (2, 1)
+
+
+def test_rows_in_blocks_give_the_weights_of_all_at_once_and_are_heard(monkeypatch):
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(1000, 12))
+    columns[:, 7] = columns[:, 6] + 1e-7 * rng.normal(size=1000)  # hardly told apart
+    target = columns @ np.maximum(rng.normal(size=12), 0.0) + 1e-3 * rng.normal(size=1000)
+    parts = ([columns[:300], columns[300:]], [target[:300], target[300:]])
+    at_once = non_negative_fit(*parts)
+    monkeypatch.setattr(least_squares, "_ROWS_TOGETHER", 90)
+    heard = []
+    with heard_by(lambda what, n: heard.append(n)):
+        in_blocks = non_negative_fit(*parts)
+    np.testing.assert_allclose(columns @ in_blocks, columns @ at_once, atol=1e-9)
+    assert np.count_nonzero(at_once) > 3
+    assert heard == [0] * 11 + [1]

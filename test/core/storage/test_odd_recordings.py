@@ -53,7 +53,7 @@ def test_it_is_understood_as_it_was_meant(odd: Odd, tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize("odd", _REFUSED, ids=lambda odd: odd.name)
 def test_it_is_refused_in_one_line(odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = _written(odd, tmp_path)
-    assert run(["identify", str(path), "--output", str(tmp_path / "model.yaml"), "--elements", "2"]) == 2
+    assert run(["identify", str(path), "--output", str(tmp_path / "model.yaml"), "--elements", "2", *odd.options]) == 2
     *before, line = capsys.readouterr().err.splitlines()
     assert line.startswith("fomrc: ")
     assert odd.refused is not None
