@@ -3,8 +3,8 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-# Workers of the test run (see test/conftest.py).
-JOBS   ?= auto
+# Workers of the test run (see test/conftest.py): one more than processors, for the tests of nodes mostly wait.
+JOBS   ?= $(shell expr $$(nproc) + 1)
 
 # The ROS wheels restart Python once and mark that in this variable; inherited by the Python of
 # this environment, the mark would keep its own wheels from being found.
@@ -19,13 +19,14 @@ DEV_STAMP := $(VENV)/installed-dev
 DOCS_STAMP := $(VENV)/installed-docs
 INSTALL    = $(BIN)/python -m pip install -qq --disable-pip-version-check
 
-.PHONY: help demo test bench study docs lint clean
+.PHONY: help demo test bench study docs readme lint clean
 help:
 	@echo "make demo   a piezo stage linearised through ROS, and a measured actuator identified (about 3 minutes)"
 	@echo "make test   the tests"
 	@echo "make bench  the benchmarks"
 	@echo "make study  the properties on new examples, then the full hidden-effect study (hours; resumable)"
 	@echo "make docs   the documentation as a site in build/site, its notebooks executed, its links checked"
+	@echo "make readme every command of the README in a room like a fresh container (half an hour; ARGS=\"--share DIR\")"
 	@echo "make lint   ruff (complexity, docstrings, format) and mypy"
 
 demo: $(RUN_STAMP)
@@ -49,6 +50,9 @@ docs: $(DOCS_STAMP)
 	  $(BIN)/jupytext --quiet --to ipynb --output build/site/notebooks/$$(basename $$notebook .py).ipynb $$notebook || exit 1; \
 	done
 	@echo "build/site/index.html"
+
+readme:
+	@$(PYTHON) test/clean/readme_commands.py $(ARGS)
 
 lint: $(DEV_STAMP)
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

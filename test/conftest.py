@@ -12,13 +12,16 @@ from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
-# Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed.
+# Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed,
+# the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those).
 _LONGEST = (
     "test/core/reproduction/test_reproduction.py",
     "test/core/comparison/test_comparison.py",
     "test/core/comparison/test_baselines.py",
     "test/core/diagnosis/test_remainder.py::test_noise_of_any_colour_follows_from_nothing[0.6]",
     "test/core/identification/test_axes_identification.py::test_two_axes_of_another_form_are_found[1]",
+    "test/core/identification/test_axes_identification.py::test_errors_over_standard_errors_spread_by_one",
+    "test/core/model/test_dynamic_inverse.py::test_an_endless_scan_stays_as_it_was_in_its_second_period",
     "test/hidden/second/test_second_case.py::test_form_error_says",
     "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
     "test/hidden/test_one_sine.py",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import re
 import runpy
@@ -140,3 +141,19 @@ def test_the_pages_name_modules_that_exist() -> None:
             if not (_ROOT / found.rstrip("/.")).exists():
                 missing.append(f"{_name(path)}: {found}")
     assert missing == []
+
+
+def test_every_command_of_the_readme_is_run_in_the_clean_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    # `make readme` runs them; a command that it would pass over is seen here
+    monkeypatch.syspath_prepend(str(_ROOT / "test" / "clean"))
+    readme_commands = importlib.import_module("readme_commands")
+    text = (_ROOT / "README.md").read_text(encoding="utf-8")
+    lines = [command.line for command in readme_commands.commands_of(text)]
+    blocks = re.findall(r"^    (\w+ \S+)", text, re.MULTILINE)
+    typed = [block for block in blocks if block.split()[0] in ("make", "fomrc", "ros2", "pip", "python")]
+    assert len(typed) >= 14
+    assert [block for block in typed if not any(" ".join(block.split()) in line for line in lines)] == []
+    assert {"make demo", "make test", "make docs", "fomrc excite multisine --output CSV"} <= set(lines)
+    assert "fomrc identify REC.csv REC2.csv --test T.csv --output M.yaml" in lines
+    with pytest.raises(ValueError, match="colcon build: not known"):
+        readme_commands.commands_of("    colcon build\n")
