@@ -29,7 +29,7 @@ def evidence_of(
                 predict(trial, record, index, is_coarse=True),
                 residual_um,
                 record.covariates,
-                sensor_step_um(record.measured_um),
+                sensor_step_um(record.measured_um[record.recording.valid_samples]),
             )
             for index, (record, residual_um) in enumerate(zip(records, residuals_um, strict=True))
         ),

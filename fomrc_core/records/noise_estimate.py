@@ -59,7 +59,8 @@ def estimate_noise(recordings: Sequence[Recording], is_usable: Sequence[Mask | N
         if abs(r.sample_period_s - period_s) <= _SAME_PERIOD * period_s
     ]
     displacement = np.concatenate([r.measured_um for r, _ in chosen])
-    step = sensor_step_um(displacement)
+    # what stands in for readings left out is on no step
+    step = sensor_step_um(np.concatenate([_read_um(r, m) for r, m in chosen]))
     repeats, rests = list[NoiseStretch](), list[NoiseStretch]()
     for recording, usable in chosen:
         found = find_repeats(recording.voltage_v)
@@ -74,6 +75,11 @@ def estimate_noise(recordings: Sequence[Recording], is_usable: Sequence[Mask | N
     source = source if repeats else NoiseSource.RESTS
     model = _from_stretches(stretches, longest.n_samples, period_s, source, displacement)
     return _with_step(model, step, displacement)
+
+
+def _read_um(recording: Recording, usable: Mask | None) -> Array:
+    read = recording.valid_samples if usable is None else recording.valid_samples & usable
+    return recording.measured_um[read]
 
 
 def noise_from_residual(

@@ -1,0 +1,36 @@
+"""What the effects are shown of the records: readings left out, and what stands in for them, tell nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.fitting.base_fit import fit_base, threshold_grid
+from fomrc_core.fitting.evidence import evidence_of
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.records.excitation import triangle
+from fomrc_core.records.noise_estimate import estimate_noise
+from fomrc_core.records.quality import examine
+from fomrc_core.records.recording import Recording
+
+_STEP_UM = 0.02
+
+
+def coarse_record_with_spikes() -> Recording:
+    drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=300.0)
+    rng = np.random.default_rng(5)
+    moved_um = 1.4 * drive.voltage_v + 0.005 * rng.standard_normal(drive.n_samples)
+    read_um = _STEP_UM * np.round(moved_um / _STEP_UM)
+    read_um[[301, 702, 1203]] += [0.913, -1.217, 0.731]
+    return Recording(drive.time_s, drive.voltage_v, read_um)
+
+
+def test_the_step_of_a_sensor_is_seen_beside_readings_that_are_left_out() -> None:
+    record = examine(coarse_record_with_spikes()).recording
+    assert not np.all(record.valid_samples)
+    records = (FitRecord.of(record),)
+    base, _, _ = fit_base(records, ColumnKinds.plays(threshold_grid(records, 8)))
+    (seen,) = evidence_of(base, records, [np.zeros(record.n_samples)], 0.01).records
+    assert seen.sensor_step_um == pytest.approx(_STEP_UM, rel=1e-6)
+    assert estimate_noise([record]).step_um == pytest.approx(_STEP_UM, rel=1e-6)
