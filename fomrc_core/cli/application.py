@@ -18,6 +18,7 @@ from fomrc_core.cli.export_command import export
 from fomrc_core.cli.fit_commands import diagnose, identify
 from fomrc_core.cli.fleet_commands import diagnose_fleet, identify_fleet
 from fomrc_core.cli.help_examples import example_of
+from fomrc_core.cli.interrupts import Interrupts, interrupts_kept
 from fomrc_core.cli.model_commands import simulate
 from fomrc_core.cli.options import COMMAND
 from fomrc_core.cli.progress import loading_told
@@ -82,6 +83,11 @@ application.add_typer(excite, name="excite")
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit status."""
+    with interrupts_kept() as interrupts:
+        return _run(arguments, interrupts)
+
+
+def _run(arguments: Sequence[str], interrupts: Interrupts) -> int:
     COMMAND.set(("fomrc", *arguments))
     try:
         with loading_told():
@@ -97,7 +103,7 @@ def run(arguments: Sequence[str]) -> int:
         return _refuse(f"not enough memory ({error or 'no size told'}): shorter records or fewer samples")
     except Exception as error:
         # Wrong usage. The class is click's or, in newer releases, a copy of it inside of typer.
-        if type(error).__name__ == "Abort" or _is_of_interrupt(error):
+        if type(error).__name__ == "Abort" or interrupts.have_come or _is_of_interrupt(error):
             return INTERRUPTED
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.format_message(), flush=True)  # type: ignore[attr-defined]

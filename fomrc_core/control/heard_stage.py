@@ -16,8 +16,10 @@ _LAGS_PER_PERIOD = 4
 # Within a period about the best of these; between two of these no message of a timer's regularity changes its place.
 _FINER_LAGS_PER_PERIOD = 32
 _FEWEST_SAMPLES = 10
-# Readings further apart than this, where a timer's jitter may leave one period out, had others between them.
-_LOST_PERIODS = 2.5
+# Where readings are further apart than this the drive is told in between as well. Between turns the order of voltages
+# is all that hysteresis knows, and creep does not tell so short a ramp from its steps; every sample more is one that
+# does not count, and a record of which a tenth does not is no record.
+_LOST_PERIODS = 10.0
 # A voltage that held for less was stamped at the time of another.
 _SHORTEST_STEP_PERIODS = 1e-3
 
@@ -58,9 +60,10 @@ def heard_recording(sent: Array, seen: Array, period_s: float, name: str) -> Rec
 
 
 def _lost_s(read_s: Array, period_s: float) -> Array:
-    """Return times a period apart where readings are missing, rising."""
+    """Return times within stretches without readings, rising: as many as tell creep how the drive went on."""
     gaps = np.flatnonzero(np.diff(read_s) > _LOST_PERIODS * period_s)
-    return np.concatenate([np.empty(0), *(np.arange(read_s[k] + period_s, read_s[k + 1], period_s) for k in gaps)])
+    step_s = _LOST_PERIODS * period_s
+    return np.concatenate([np.empty(0), *(np.arange(read_s[k] + step_s, read_s[k + 1], step_s) for k in gaps)])
 
 
 def _turning(voltage_v: Array) -> NDArray[np.intp]:
