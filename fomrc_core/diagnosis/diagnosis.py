@@ -42,7 +42,7 @@ from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.noise import NoiseFloor, noise_floor, rounding_of
+from fomrc_core.records.noise import NoiseFloor, noise_floor, rounding_of, sensor_rounding_um
 from fomrc_core.records.quality import DataQuality, bridged
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
@@ -291,8 +291,8 @@ def _result(
     known: tuple[Finding, ...],
 ) -> Diagnosis:
     # Many arguments: what each stage of a diagnosis came to; no two are ever handed on together.
-    found, extension = never_worse(found, base, split)
-    steps = (first, *found.steps) if first is not None else found.steps
+    found, extension = never_worse(found, base, split, has_elements=first is not None)
+    steps = (first, *found.steps) if first is not None and not extension.is_base else found.steps
     tell(0.97, "what remains")
     records, worst, floor = _views(split, base, extension.trial, noise)
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
@@ -382,5 +382,5 @@ def _views(
         errors.append(rms(after[record.is_used]))
         if role == "train":
             cleaned.append(replace(record.recording, displacement_um=after))
-    again = noise_floor(cleaned)
-    return tuple(views), max(errors), min(noise.floor_um, again.floor_um)
+    again_um = max(noise_floor(cleaned).floor_um, sensor_rounding_um([r.recording for r in split.train]))
+    return tuple(views), max(errors), min(noise.floor_um, again_um)

@@ -32,25 +32,37 @@ class Extension:
     Attributes:
         model: what simulators, compensators and nodes take.
         trial: the same as a model under fit, for residuals.
+        is_base: whether it is the base as it was, nothing found.
     """
 
     model: PiezoModel
     trial: TrialModel
+    is_base: bool = False
 
 
-def never_worse(found: SearchResult, base: TrialModel, split: DataSplit) -> tuple[SearchResult, Extension]:
+def never_worse(
+    found: SearchResult, base: TrialModel, split: DataSplit, has_elements: bool = False
+) -> tuple[SearchResult, Extension]:
     """Return the findings and the model of them that does no worse on held-out data than the base.
 
     What a search fits has weights of either sign; what is written must have those of Maxwell elements. A cause whose
     gain was owed to weights no element can have is no finding: the last is given back until the model gains. Where
     nothing is found the base stands as it is.
+
+    Args:
+        found: causes found.
+        base: model before them.
+        split: records.
+        has_elements: whether the base lacks elements that the model found has: a finding without any cause beside it.
     """
-    before = _extend(base, split)
+    before = replace(_extend(base, split), is_base=True)
     error_before = _held_error(before.trial, split)
-    while found.steps:
+    while found.steps or has_elements:
         extension = _fitted(found.model, split)
         if _held_error(extension.trial, split) <= error_before:
             return found, extension
+        if not found.steps:
+            break
         last = found.steps[-1]
         final = refit(last.before, split.train, n_iterations=2)
         model = follow_held(final.model, split)

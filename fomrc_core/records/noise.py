@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from fomrc_core.records.noise_spectrum import spectrum_of
 from fomrc_core.records.noise_stretches import stretches_of_repeats
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import find_repeats
+from fomrc_core.records.sensor_step import sensor_step_um
 from fomrc_core.records.spectral_lines import without_lines
 
 # pairs of lags 1-2 and 3-4 within half of the values
@@ -66,14 +68,25 @@ def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error))
 
 
+def sensor_rounding_um(recordings: Sequence[Recording]) -> float:
+    """Return the rms of what a sensor's step hides of the displacement [um], 0 where readings are on no lattice.
+
+    Where noise does not stir them, readings of a coarse sensor stand still while the drive moves on, and differences
+    from sample to sample are mostly none; two readings of one place are alike. No reading is surer than the step over
+    the root of twelve all the same (Widrow & Kollar, "Quantization Noise", 2008, ch. 4).
+    """
+    steps_um = [sensor_step_um(r.measured_um[r.valid_samples]) for r in recordings]
+    return float(np.median(np.nan_to_num(steps_um))) / math.sqrt(12.0)
+
+
 def rounding_of(values_um: Sequence[Array]) -> float:
     """Return what sums over plays and creep of displacements [um] like these are rounded to at best [um]."""
     return _ROUNDING * max(float(np.max(np.abs(values))) for values in values_um)
 
 
 def known_noise(recordings: Sequence[Recording]) -> NoiseFloor:
-    """Return the noise floor of the recordings [um], no less than what they are rounded to."""
-    least_um = rounding_of([r.measured_um for r in recordings])
+    """Return the noise floor of the recordings [um], no less than what they or their sensor are rounded to."""
+    least_um = max(rounding_of([r.measured_um for r in recordings]), sensor_rounding_um(recordings))
     noise = noise_floor(recordings)
     return replace(
         noise,

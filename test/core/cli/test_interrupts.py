@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -15,6 +16,15 @@ from fomrc_core.cli.interrupts import interrupts_kept
 _CALLBACK = ctypes.CFUNCTYPE(None)
 
 
+@pytest.fixture
+def _hearing() -> Iterator[None]:
+    """Hear interrupts as Python does from its start: whoever runs the tests in the background has them ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_hearing")
 def test_an_interrupt_swallowed_in_a_callback_comes_again() -> None:
     def interrupted() -> None:
         signal.raise_signal(signal.SIGINT)
@@ -29,6 +39,7 @@ def test_an_interrupt_swallowed_in_a_callback_comes_again() -> None:
     assert (sys.unraisablehook, signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM)) == before
 
 
+@pytest.mark.usefixtures("_hearing")
 def test_an_interrupt_that_is_heard_comes_once() -> None:
     with interrupts_kept() as kept:
         with pytest.raises(KeyboardInterrupt):
