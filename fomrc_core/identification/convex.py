@@ -31,7 +31,7 @@ from fomrc_core.identification.parameter_errors import ParameterErrors
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
-from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.noise import known_noise
 from fomrc_core.records.quality import DataQuality, Examined, examine, examine_residual
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
@@ -270,7 +270,7 @@ def fit_of(
         offsets.append(float(np.mean(raw[record.is_used])))
         left.append(raw - offsets[-1])
     error = rms(np.concatenate([v[r.is_used] for v, r in zip(left, records, strict=True)]))
-    noise = noise_floor(list(recordings)).floor_um
+    noise = known_noise(list(recordings)).floor_um
     test_error = float("nan")
     if test is not None:
         held = (FitRecord.of(test),)

@@ -19,7 +19,7 @@ from fomrc_core.identification.fit import Fit
 from fomrc_core.identification.repeated_fits import creep_order_error
 from fomrc_core.identification.uncertainty import Uncertainty, estimate_uncertainty
 from fomrc_core.records.drive import MANY_LOOPS, begins_at_zero, n_loop_kinds
-from fomrc_core.records.noise import NoiseFloor, noise_floor
+from fomrc_core.records.noise import NoiseFloor, known_noise
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.usability import check_usable
 from fomrc_core.report.drive_to_add import Addition, DriveLimits, additions
@@ -153,7 +153,7 @@ def check_recordings(
         )
     check_usable(given)
     tell(0.05, "noise and drive")
-    noise = noise_floor(given)
+    noise = known_noise(given)
     drive = _summary(given, repeats=bool(np.isfinite(noise.repeats_um)))
     tell(0.1, "identification")
     fit = identify(given, n_elements=n_elements)

@@ -13,7 +13,7 @@ from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.errors import RecordingError
 from fomrc_core.model.axes import AxesModel
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
-from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.noise import known_noise
 from fomrc_core.records.recording import Recording
 
 _RUNG_OUT = 1e-3  # of what modes ring at the start of a run-in, what may be left of it: below any sensor's noise
@@ -79,7 +79,7 @@ class AxesRecord:
         else:
             time = np.arange(n_samples) / rate_hz
             pairs = [Recording(time, u[:, min(o, u.shape[1] - 1)], y[:, o]) for o in range(y.shape[1])]
-            noise = np.array([noise_floor([pair]).floor_um for pair in pairs])
+            noise = np.array([known_noise([pair]).floor_um for pair in pairs])
         everything, nothing = np.ones(n_samples, dtype=np.bool_), np.zeros(n_samples, dtype=np.bool_)
         learnt = {"train": everything, "test": nothing, "both": learned_blocks(n_samples)}[role]
         held = {"train": nothing, "test": everything, "both": held_out_blocks(n_samples)}[role]

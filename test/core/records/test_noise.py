@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
-from fomrc_core.records.noise import autocorrelation_inflation, noise_floor
+from fomrc_core.records.noise import autocorrelation_inflation, known_noise, noise_floor
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import find_repeats
 
@@ -44,6 +44,20 @@ def test_repeats_see_slow_noise_that_differences_do_not() -> None:
     assert floor.differences_um < 0.6e-3
     assert floor.repeats_um == pytest.approx(1e-3, rel=0.15)
     assert floor.floor_um == floor.repeats_um
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_readings_that_stand_while_the_drive_moves_on_are_no_surer_than_their_step(repeats: bool) -> None:
+    step_um = 0.05
+    drive = repeated_drive(np.random.default_rng(4), 5 if repeats else 1)
+    plain = record(drive, np.zeros(drive.size))
+    read = Recording(plain.time_s, plain.voltage_v, step_um * np.round(plain.measured_um / step_um))
+    assert noise_floor([read]).floor_um < 0.5 * step_um / np.sqrt(12.0)  # two readings of one place are alike
+    assert known_noise([read]).floor_um == pytest.approx(step_um / np.sqrt(12.0), rel=1e-6)
+    # what noise stirs shows its rounding itself
+    stirred_um = plain.measured_um + 2.0 * step_um * np.random.default_rng(5).standard_normal(drive.size)
+    stirred = Recording(plain.time_s, plain.voltage_v, step_um * np.round(stirred_um / step_um))
+    assert known_noise([stirred]).floor_um == pytest.approx(noise_floor([stirred]).floor_um)
 
 
 def test_hum_is_not_noise() -> None:
