@@ -56,6 +56,8 @@ class Candidate:
         is_bound: whether its parameters belong to single records.
         is_distinguishable: whether the records can tell it from others: one-sided plays bend to any lag in a loop
             that repeats.
+        before: what the model without it leaves of the training records [um].
+        held_before: the same of the held-out data.
     """
 
     cause: str
@@ -67,6 +69,8 @@ class Candidate:
     is_plausible: bool = True
     is_bound: bool = False
     is_distinguishable: bool = True
+    before: tuple[Array, ...] = ()
+    held_before: tuple[Array, ...] = ()
 
     @property
     def total_gain(self) -> float:
@@ -220,7 +224,19 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
     train_gain = math.log(present.squared_error / fitted.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
-    return Candidate(cause, fitted, score, train_gain, tuple(after), n_free, is_plausible, bound, is_distinguishable)
+    return Candidate(
+        cause,
+        fitted,
+        score,
+        train_gain,
+        tuple(after),
+        n_free,
+        is_plausible,
+        bound,
+        is_distinguishable,
+        present.residuals_um,
+        tuple(before),
+    )
 
 
 def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:

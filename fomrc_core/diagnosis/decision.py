@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
@@ -15,6 +16,7 @@ from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.noise import autocorrelation_inflation
+from fomrc_core.records.whitening import burg
 
 SURE = 10.0  # difference in log likelihood that settles it
 _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
@@ -26,6 +28,7 @@ _NEARLY, _HARDLY = 0.7, 0.15
 _RICH_GAIN = 0.16
 _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
+_MOST_ORDER = 16  # of the process that noise is: a sensor's filter and a slow wander
 _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the base
 
 
@@ -120,6 +123,40 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
                 gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
         margins.append(gained)
     return min(margins)
+
+
+def whitened_margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
+    """Return the margin where the noise is whitened, in log likelihood [1].
+
+    The noise is what the winner leaves of the training data, an autoregressive process, and each candidate is as likely
+    as what it leaves is small once that is whitened: noise that wanders hides nothing of what is quick, and what
+    wanders as it does says nothing.
+    """
+    margins = [_likelier_by(winner, winner.before, winner.held_before, split)]
+    for other in candidates:
+        if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
+            continue
+        margins.append(_likelier_by(winner, other.fitted.residual, other.held, split))
+    return min(margins)
+
+
+def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence[Array], split: DataSplit) -> float:
+    own_um, others_um = (
+        [v[r.is_used] - np.mean(v[r.is_used]) for v, r in zip(left, split.train, strict=True)]
+        for left in (winner.fitted.residual, train_um)
+    )
+    noise = burg(own_um, _MOST_ORDER)
+    if not noise.innovation_um2 > 0.0:
+        return math.nan
+    compared = [(own_um, others_um)]
+    if len(held_um) == len(winner.held):
+        compared += [([a], [b]) for a, b in zip(winner.held, held_um, strict=True) if a.size == b.size]
+    margin = 0.0
+    for mine, its in compared:
+        white, left = ([noise.whiten(values) for values in stretches] for stretches in (mine, its))
+        n_independent = sum(v.size for v in white) / max(autocorrelation_inflation(v) for v in white)
+        margin += 0.5 * n_independent * math.log(sum(float(v @ v) for v in left) / sum(float(v @ v) for v in white))
+    return margin
 
 
 def simplest(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit, n_causes: int) -> Candidate:

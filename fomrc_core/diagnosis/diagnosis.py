@@ -34,7 +34,7 @@ from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.step import Step
-from fomrc_core.diagnosis.unevenness import unevenness
+from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
@@ -305,7 +305,9 @@ def _result(
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
     tied = next((s.tied for s in reversed(steps) if s.tied), ())
     driven = [_driven(view) for view in records]
-    tests = (*dependences(driven), *(() if noise.sees_slow_noise else (unevenness(driven),)))
+    tests = dependences(driven)
+    if not noise.sees_slow_noise:
+        tests = (*tests, unevenness(driven), slow_unevenness(driven))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))

@@ -37,6 +37,7 @@ class Finding:
         evidence: why it was accepted, in a sentence.
         meaning: what it is, in a sentence.
         margin: by how much it is likelier than the next cause, in log likelihood [1]; see `Step`.
+        whitened_margin: the same where the noise is whitened.
         probability: that it is the cause, and not another or one that is not in the library [1].
     """
 
@@ -50,6 +51,7 @@ class Finding:
     evidence: str
     meaning: str
     margin: float = math.nan
+    whitened_margin: float = math.nan
     probability: float = float("nan")
 
     def __str__(self) -> str:
@@ -128,6 +130,7 @@ def findings_of(
                 evidence,
                 kind.meaning,
                 step.margin,
+                step.whitened_margin,
             )
         )
     return tuple(found)

@@ -20,6 +20,7 @@ from fomrc_core.diagnosis.decision import (
     simplest,
     sure_gain,
     ties_of,
+    whitened_margin_of,
 )
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.present_model import PresentModel
@@ -89,7 +90,11 @@ def looked_at_last(
         if simpler is not own:
             return LastLook(tuple(steps), (at, simpler))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
-        looked[at] = replace(step.tied_with(ties_of(own, candidates, split)), margin=margin_of(own, candidates, split))
+        looked[at] = replace(
+            step.tied_with(ties_of(own, candidates, split)),
+            margin=margin_of(own, candidates, split),
+            whitened_margin=whitened_margin_of(own, candidates, split),
+        )
     return LastLook(tuple(looked), None)
 
 

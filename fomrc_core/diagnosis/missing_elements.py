@@ -68,7 +68,7 @@ def missing_step(
     left = residuals(final, split.train)
     n_effective = split.n_used / residual_inflation(left, split.train)
     margin = 0.5 * n_effective * math.log(fitted_coarse.squared_error / squared_error(split.train, left))
-    return Step(coarse, gained, (), (), margin=margin)
+    return Step(coarse, gained, (), (), margin=margin, whitened_margin=margin)
 
 
 def n_elements_needed(model: PiezoModel) -> int:

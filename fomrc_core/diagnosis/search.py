@@ -19,6 +19,7 @@ from fomrc_core.diagnosis.decision import (
     still_tied,
     sure_gain,
     ties_of,
+    whitened_margin_of,
 )
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
@@ -214,8 +215,8 @@ def _with_finding(
     rivals = rivals_of(accepted, candidates)
     if not split.is_telling:
         tied += [rival for rival in rivals if rival not in tied]
-    margin = margin_of(accepted, candidates, split)
-    step = Step(state.model, accepted, (), (), rivals, margin).tied_with(tied)
+    margins = margin_of(accepted, candidates, split), whitened_margin_of(accepted, candidates, split)
+    step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
     if accepted.is_bound:
         final = sought_again(final, split, accepted.cause, executor)

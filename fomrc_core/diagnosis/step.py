@@ -23,6 +23,7 @@ class Step:
         rivals: candidates that did nearly as well while other causes were still unexplained.
         margin: by how much it is likelier than the next, in log likelihood [1]: at the end, beside all others, where it
             was looked at again, else when it was accepted; not a number where it was not compared.
+        whitened_margin: the same where the noise is whitened; not a number where it was not compared either.
     """
 
     before: TrialModel
@@ -31,6 +32,7 @@ class Step:
     tied_models: tuple[TrialModel, ...]
     rivals: tuple[Candidate, ...] = ()
     margin: float = math.nan
+    whitened_margin: float = math.nan
 
     @property
     def is_beaten(self) -> bool:

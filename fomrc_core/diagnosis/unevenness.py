@@ -9,11 +9,15 @@ error would pass for slow noise.
 The residual is whitened first, or noise that wanders would be large by chance where the drive is fast. The statistic is
 Spearman's: ranks of the square of what is new against ranks of the drive's step, what the displacement says of either
 taken out, its mean over blocks against their spread.
+
+An error of slow motion is small from sample to sample and hidden by the noise there. Means over several samples have
+less of the noise and all of the error: the same is asked of them, over four times as many again and again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import rankdata
@@ -30,6 +34,9 @@ _QUIET_SHARE = 1.0 / 3.0  # of the samples, those about which the drive moves le
 _LEAST_BLOCKS = 4
 _MOST_ORDER = 8  # of the whitening filter: a sensor's filter and a slow wander
 _LEAST_SAMPLES = 50
+ON_MEANS = "how far the drive moves in some time, as where what follows it slowly is not right"
+_AVERAGED = (4, 16, 64)  # samples to a mean: noise falls by half from each to the next
+_LEAST_MEANS = 200  # of a record: eight to a block
 _ROUNDING_SHARE = 0.1  # of the power of what is left
 
 
@@ -39,6 +46,50 @@ def unevenness(records: Sequence[DrivenRecord]) -> Dependence:
     Args:
         records: with the residual of one and the same model.
     """
+    return _uneven([record for record in records if not _is_rounding(record)], ON)
+
+
+def slow_unevenness(records: Sequence[DrivenRecord]) -> Dependence:
+    """Return the same of means over several samples, over as many as say it most surely.
+
+    Args:
+        records: with the residual of one and the same model.
+    """
+    told = [record for record in records if not _is_rounding(record)]
+    total = sum(_power(record) for record in told)
+    found = []
+    for size in _AVERAGED:
+        means = [_averaged(record, size) for record in told]
+        means = [m for m in means if np.count_nonzero(m.is_used) >= _LEAST_MEANS]
+        if not means or total == 0.0:
+            break
+        seen = _uneven(means, ON_MEANS)
+        # of the power of the whole, means have what is slow
+        slow = min(size * sum(_power(m) for m in means) / total, 1.0)
+        found.append(replace(seen, share=seen.share * slow))
+    if not found:
+        return Dependence(ON_MEANS, 0.0, 1.0)
+    surest = min(found, key=lambda one: one.p_value)
+    return replace(surest, p_value=min(1.0, len(found) * surest.p_value))
+
+
+def _power(record: DrivenRecord) -> float:
+    """Return the sum of squares of what is left about its mean [um^2]."""
+    left_um = record.residual_um[record.is_used]
+    return float(np.sum((left_um - np.mean(left_um)) ** 2)) if left_um.size else 0.0
+
+
+def _averaged(record: DrivenRecord, size: int) -> DrivenRecord:
+    """Return means over so many samples each; used where all of them are."""
+    n = record.time_s.size // size * size
+    time_s, voltage_v, predicted_um, residual_um, used = (
+        values[:n].reshape(-1, size).mean(axis=1)
+        for values in (record.time_s, record.voltage_v, record.predicted_um, record.residual_um, record.is_used)
+    )
+    return DrivenRecord(time_s, voltage_v, predicted_um, residual_um, used == 1.0)
+
+
+def _uneven(records: Sequence[DrivenRecord], on: str) -> Dependence:
     correlations: list[float] = []
     excess = total = 0.0
     for record in records:
@@ -46,7 +97,7 @@ def unevenness(records: Sequence[DrivenRecord]) -> Dependence:
         used = record.is_used & is_inside
         step_v = _step_about(record.voltage_v)
         is_still = not float(np.ptp(step_v[used])) > 0.0
-        if np.count_nonzero(used) < _LEAST_SAMPLES or is_still or _is_rounding(record):
+        if np.count_nonzero(used) < _LEAST_SAMPLES or is_still:
             continue
         power = np.square(_white(record.residual_um - np.mean(record.residual_um[used]), used))[used]
         moved = hats_over(_unit(record.predicted_um[used]))
@@ -58,9 +109,9 @@ def unevenness(records: Sequence[DrivenRecord]) -> Dependence:
     values = np.array(correlations)
     spread = float(np.std(values, ddof=1)) if values.size >= _LEAST_BLOCKS else 0.0
     if spread == 0.0 or total == 0.0:
-        return Dependence(ON, 0.0, 1.0)
+        return Dependence(on, 0.0, 1.0)
     p_value = float(student.sf(float(np.mean(values)) / (spread / np.sqrt(values.size)), values.size - 1))
-    return Dependence(ON, excess / total, p_value)
+    return Dependence(on, excess / total, p_value)
 
 
 def _is_rounding(record: DrivenRecord) -> bool:

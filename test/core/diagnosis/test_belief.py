@@ -14,8 +14,9 @@ _NOISE = Judgement(1.0, True, 0.0, (), ())
 _MORE = Judgement(1.0, False, 0.3, (), ("it is 3 times the noise",))
 
 
-def _told(margin: float, judgement: Judgement) -> float:
-    finding = Finding("transport_delay", {}, {}, 2.0, 1.0, 0.5, 1e-6, "", "", margin)
+def _told(margin: float, judgement: Judgement, whitened: float | None = None) -> float:
+    margins = margin, margin if whitened is None else whitened
+    finding = Finding("transport_delay", {}, {}, 2.0, 1.0, 0.5, 1e-6, "", "", *margins)
     return with_probabilities((finding,), judgement)[0].probability
 
 
@@ -25,6 +26,10 @@ def test_a_larger_margin_is_never_told_less(judgement: Judgement) -> None:
     assert told == sorted(told)
     assert all(0.0 < value < 1.0 for value in told)
     assert _told(-50.0, judgement) < _told(math.nan, judgement) < _told(50.0, judgement), "not compared is in between"
+
+
+def test_what_noise_that_wanders_hides_of_a_margin_the_whitened_one_tells() -> None:
+    assert _told(8.0, _NOISE, -20.0) < _told(8.0, _NOISE, math.nan) < _told(8.0, _NOISE, 2000.0)
 
 
 def test_the_same_margin_says_more_where_noise_is_left() -> None:

@@ -45,6 +45,14 @@ def test_each_thing_that_speaks_against_noise_is_said(after_um, worst_um, tests,
     assert found.status([], False) is Status.UNEXPLAINED
 
 
+def test_what_is_left_of_one_record_and_not_of_another_is_no_noise():
+    assert judge(0.3, False, 5.0, 1.0, 1.5, _NOTHING, learned_um=0.9).is_noise
+    # a record that only chose among causes
+    found = judge(0.3, False, 5.0, 1.0, 2.7, _NOTHING, learned_um=0.9)
+    assert not found.is_noise
+    assert "3.00 times what is left of the data it was learned from" in found.reasons[0]
+
+
 def test_slow_noise_that_no_repeat_shows_is_noise_all_the_same():
     # fourth differences see a third of it; nothing of the rest follows the drive
     found = judge(0.3, False, 1.02, 1.0, 1.0, _NOTHING)

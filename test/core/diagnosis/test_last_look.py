@@ -52,7 +52,8 @@ def _candidate(split: DataSplit, cause: str, left: float, n_free: int) -> Candid
     fitted = Refit(model, squared_error, (), (np.zeros((n, 0)),), (residual_um,), True)
     gain = 2.0 * math.log(20.0 / left)
     score = HeldOutScore(gain, 0.0, 1e-20, 20.0 * _NOISE_UM, left * _NOISE_UM)
-    return Candidate(cause, fitted, score, gain, (held_um,), n_free)
+    before = (20.0 / left * residual_um,), (20.0 / left * held_um,)
+    return Candidate(cause, fitted, score, gain, (held_um,), n_free, before=before[0], held_before=before[1])
 
 
 def _look(split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate) -> LastLook:

@@ -184,3 +184,28 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)
     assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone")]
     assert [step.accepted.cause for step in result.steps] == ["transport_delay", "dead_zone"]
+
+
+def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarray) -> tuple[float, float]:
+    """Return both margins of a candidate that leaves the noise, where the model before it leaves an effect as well."""
+    before = noise_um + effect_um
+    left = replace(_contender(split, "transport_delay", 0.0, 0.0).fitted, residual=(noise_um,))
+    gain = math.log(float(before @ before) / float(noise_um @ noise_um))
+    score = HeldOutScore(gain, 0.0, 1e-20, 1.0, 1.0)
+    found = Candidate("transport_delay", left, score, gain, (), 1, before=(before,))
+    return decision.margin_of(found, [found], split), decision.whitened_margin_of(found, [found], split)
+
+
+def test_noise_that_wanders_hides_nothing_of_what_is_quick(split: DataSplit) -> None:
+    n = split.train[0].time_s.size
+    rng = np.random.default_rng(4)
+    wander = np.cumsum(rng.normal(0.0, 1e-3, n))
+    plain, whitened = _beside_nothing(split, 5e-3 * np.sign(np.sin(np.arange(n) / 3.0)), wander - np.mean(wander))
+    assert whitened > 10.0 * max(plain, 1.0)
+    # and what moves as slowly as it does is no surer for it, though as large as the noise
+    drift = 3.0 * float(np.std(wander)) * np.linspace(-1.0, 1.0, n) ** 2
+    plain, alike = _beside_nothing(split, drift - np.mean(drift), wander - np.mean(wander))
+    assert alike < 0.05 * whitened
+    white = rng.normal(0.0, 1e-3, n)
+    plain, whitened = _beside_nothing(split, 1e-3 * np.sin(np.arange(n) / 300.0), white)
+    assert whitened == pytest.approx(plain, rel=0.1)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.diagnosis.remainder import DrivenRecord
-from fomrc_core.diagnosis.unevenness import unevenness
+from fomrc_core.diagnosis.remainder import Dependence, DrivenRecord
+from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 
 _N = 4000
 
@@ -34,13 +36,16 @@ _KINDS = {
 }
 
 
+@pytest.mark.parametrize("test", [unevenness, slow_unevenness])
 @pytest.mark.parametrize("kind", _KINDS)
-def test_noise_is_not_taken_for_an_error_of_motion(kind: str) -> None:
+def test_noise_is_not_taken_for_an_error_of_motion(
+    kind: str, test: Callable[[Sequence[DrivenRecord]], Dependence]
+) -> None:
     told = []
     for seed in range(40):
         rng = np.random.default_rng([5, seed])
         drive_v = _drive(rng)
-        found = unevenness([_of(drive_v, _KINDS[kind](rng, drive_v))])
+        found = test([_of(drive_v, _KINDS[kind](rng, drive_v))])
         told.append(found.p_value < 0.01 and found.share > 0.1)
     assert sum(told) <= 3  # of forty at one in a hundred: four and more happen once in a thousand
 
@@ -53,6 +58,20 @@ def test_an_error_in_time_that_changes_its_sign_is_seen() -> None:
     found = unevenness([_of(drive_v, late + noise)])
     assert found.p_value < 1e-3
     assert found.share > 0.3
+
+
+def test_an_error_of_slow_motion_is_seen_below_the_noise_from_sample_to_sample() -> None:
+    # as what creeps after each sweep, its size and sign no function of what the drive does at the time
+    rng = np.random.default_rng(10)
+    turns_v = rng.uniform(-1.0, 1.0, 41) * np.repeat((1.0, 0.02, 1.0, 0.02), 11)[:41]
+    drive_v = np.interp(np.arange(_N) / 100.0, np.arange(41), turns_v)
+    signs = np.repeat(rng.choice((-1.0, 1.0), 40), 100)
+    noise = 0.01 * rng.normal(size=_N)
+    wrong = 0.5 * np.cumsum(signs * np.gradient(drive_v))
+    found = slow_unevenness([_of(drive_v, wrong + noise)])
+    assert found.p_value < 1e-3
+    assert found.share > 0.1
+    assert slow_unevenness([_of(drive_v, noise)]).p_value > 0.01
 
 
 def test_no_scale_is_in_it() -> None:
@@ -80,3 +99,4 @@ def test_coarse_readings_are_told_from_an_error() -> None:
     )
     assert fine.p_value > 0.01
     assert coarse.p_value == 1.0
+    assert slow_unevenness([_of(drive_v, 0.5 * np.round(true_um / 0.5) - 3.0 * drive_v)]).p_value == 1.0
