@@ -58,7 +58,9 @@ class Tangent:
 
 def centred(values: Array, is_used: Mask) -> Array:
     """Return the values less their mean over the used samples: what an unknown offset leaves."""
-    return np.asarray(values - np.mean(values[is_used], axis=0))
+    # a product with the mask copies no rows
+    mean = np.dot(is_used.astype(np.float64), values) / np.count_nonzero(is_used)
+    return np.asarray(values - mean)
 
 
 def residuals(trial: TrialModel, records: tuple[FitRecord, ...]) -> tuple[Array, ...]:

@@ -59,7 +59,7 @@ class NoiseFloor:
 
 def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     """Return the noise floor of the recordings [um]."""
-    differences = [_difference_noise(r.voltage_v, r.measured_um) for r in recordings]
+    differences = [difference_noise_um(r) for r in recordings]
     repeats = [_repeat_noise(r) for r in recordings]
     seen = np.array([told for told in repeats if np.isfinite(told[0])])
     if not seen.size:
@@ -95,7 +95,9 @@ def known_noise(recordings: Sequence[Recording]) -> NoiseFloor:
     )
 
 
-def _difference_noise(voltage_v: Array, displacement_um: Array) -> float:
+def difference_noise_um(recording: Recording) -> float:
+    """Return the rms of the noise from fourth differences [um]."""
+    voltage_v, displacement_um = recording.voltage_v, recording.measured_um
     bend = np.convolve(voltage_v, _DIFFERENCE, mode="valid")
     rough = np.convolve(displacement_um, _DIFFERENCE, mode="valid")
     # where the drive is even its own fourth difference vanishes; take the evenest third, and there too out what

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.direction import falls_with_voltage
-from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.noise import difference_noise_um
 from fomrc_core.records.quality import noisy_end
 from fomrc_core.records.recording import Recording
 
@@ -115,7 +115,7 @@ def _check_not_clipped(record: Recording) -> None:
     levels = np.unique(x)
     resolution_um = float(np.min(np.diff(levels)))
     # Where the sensor's steps hide its noise, a reading that stays the same says nothing.
-    noise_um = noise_floor((record,)).differences_um
+    noise_um = difference_noise_um(record)
     if noise_um < 0.5 * resolution_um:
         return
     least_v = _CLIPPED_SHARE * float(np.ptp(record.voltage_v))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.records.noise import noise_floor
+from fomrc_core.records.noise import difference_noise_um
 from fomrc_core.records.recording import Recording
 
 _N_SIGMA = 4.0
@@ -36,7 +36,7 @@ class NoisyEnd:
 def noisy_end(recording: Recording) -> NoisyEnd | None:
     """Return the end of a sensor's range at which readings lie flat but for noise; None where there is none."""
     x, v = recording.measured_um, recording.voltage_v
-    noise = noise_floor((recording,)).differences_um
+    noise = difference_noise_um(recording)
     stroke, span = float(np.ptp(x)), float(np.ptp(v))
     if not noise > 0.0 or not span > 0.0:
         return None
