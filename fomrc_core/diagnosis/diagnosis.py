@@ -33,6 +33,7 @@ from fomrc_core.diagnosis.prepared import Prepared, best_residual
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
+from fomrc_core.diagnosis.slow_rest import is_slower_than_seen
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
@@ -306,14 +307,15 @@ def _result(
     tied = next((s.tied for s in reversed(steps) if s.tied), ())
     driven = [_driven(view) for view in records]
     tests = dependences(driven)
-    if not noise.sees_slow_noise:
+    sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor, noise.slowest_seen_s)
+    if not sees_slow:
         tests = (*tests, unevenness(driven), slow_unevenness(driven))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))
     learned = max(learned, rounding_um)
     is_flexible = extension.trial.n_owned > base.n_owned
-    judgement = judge(floor, noise.sees_slow_noise, before, after, worst, tests, learning, learned, is_flexible)
+    judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)
     everything = with_probabilities(findings, judgement)
     beaten = {step.accepted.cause for step in steps if step.is_beaten}
     findings = tuple(finding for finding in everything if finding.cause not in beaten)

@@ -18,9 +18,9 @@ from fomrc_core.diagnosis.remainder import Dependence
 
 _SIGNIFICANCE = 0.01  # of the hypothesis that nothing is left, for all tests together
 _NEGLIGIBLE_SHARE = 0.1  # of the noise's power: it raises an rms by 5 %, about what a noise floor is known to
-_LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
+LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
 _LARGEST_EXCESS_FLEXIBLE = 1.1  # the same with a cause of dozens of weights: what a floor is known to, and no more
-_LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
+LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
 # Times the noise's power, of what weights learned from noise may err by: an estimate of it that is larger says that the
 # records are too short for their noise, and not that anything may be left.
 _LARGEST_LEARNING = 0.25
@@ -120,9 +120,9 @@ def judge(
         worst = max(sure, key=lambda d: d.share)
         reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
     expected_um = floor_um * math.sqrt(1.0 + excess)
-    if sees_slow_noise and after_um > _LARGEST_EXCESS * expected_um:
+    if sees_slow_noise and after_um > LARGEST_EXCESS * expected_um:
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
-    if sees_slow_noise and worst_um > _LARGEST_EXCESS_ANYWHERE * expected_um:
+    if sees_slow_noise and worst_um > LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
     if is_flexible and after_um > _LARGEST_EXCESS_FLEXIBLE * floor_um:
         reasons.append(f"it is {after_um / floor_um:.2f} times the known noise, with a cause that bends to much else")

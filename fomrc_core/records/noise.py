@@ -33,12 +33,14 @@ class NoiseFloor:
         repeats_um: from repeated stretches of the drive; nan where there are none.
         unseen_share: share of the variance that may be slower than what the repeats show [1].
         repeats_error: relative standard error of the repeats [1].
+        slowest_seen_s: longest period of the noise that repeats show [s].
     """
 
     differences_um: float
     repeats_um: float
     unseen_share: float = 0.0
     repeats_error: float = 0.0
+    slowest_seen_s: float = math.inf
 
     @property
     def floor_um(self) -> float:
@@ -64,8 +66,8 @@ def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     seen = np.array([told for told in repeats if np.isfinite(told[0])])
     if not seen.size:
         return NoiseFloor(float(np.median(differences)), float("nan"))
-    rms_um, unseen, error = np.median(seen, axis=0)
-    return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error))
+    rms_um, unseen, error, slowest_s = np.median(seen, axis=0)
+    return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error), float(slowest_s))
 
 
 def sensor_rounding_um(recordings: Sequence[Recording]) -> float:
@@ -111,15 +113,19 @@ def difference_noise_um(recording: Recording) -> float:
     return float(np.median(np.abs(rough[even])) / 0.6745 / np.sqrt(np.sum(_DIFFERENCE**2)))
 
 
-def _repeat_noise(recording: Recording) -> tuple[float, float, float]:
-    """Return the rms of the noise that repeats show [um] (nan without any), the share unseen, its relative error."""
+def _repeat_noise(recording: Recording) -> tuple[float, float, float, float]:
+    """Return what repeats show of the noise.
+
+    Its rms [um] (nan without any), the share unseen [1], its relative error [1], the longest period seen [s].
+    """
     stretches = stretches_of_repeats(recording, find_repeats(recording.voltage_v))
     cleaned = [replace(s, values_um=without_lines(s.values_um)[0]) for s in stretches]
     if not any(np.any(s.values_um) for s in cleaned):
-        return (0.0 if cleaned else float("nan")), 0.0, 0.0
+        return (0.0 if cleaned else float("nan")), 0.0, 0.0, math.inf
     spectrum = spectrum_of(cleaned, recording.n_samples)
     rms_um = float(np.sqrt(spectrum.variance_um2(spectrum.lowest_seen)))
-    return rms_um, spectrum.unseen_share(), 1.0 / np.sqrt(2.0 * max(spectrum.degrees_of_freedom, 1.0))
+    error = 1.0 / np.sqrt(2.0 * max(spectrum.degrees_of_freedom, 1.0))
+    return rms_um, spectrum.unseen_share(), error, float(np.median(recording.steps_s)) / spectrum.lowest_seen
 
 
 def autocorrelation_inflation(values: Array) -> float:
