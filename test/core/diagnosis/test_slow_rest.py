@@ -22,7 +22,7 @@ def test_only_an_excess_that_is_slower_than_what_was_seen_is() -> None:
     rng = np.random.default_rng(3)
     noise = rng.normal(size=_N)
     time_s = _STEP_S * np.arange(_N)
-    wander = 0.04 * np.cumsum(rng.normal(size=_N))
+    wander = 0.08 * np.cumsum(rng.normal(size=_N))
     assert is_slower_than_seen(_of(noise + wander), 1.0, _SEEN_S)
     assert not is_slower_than_seen(_of(noise), 1.0, _SEEN_S), "nothing is left beyond the noise"
     quick = 2.0 * np.sin(2.0 * np.pi * time_s / (0.5 * _SEEN_S))
