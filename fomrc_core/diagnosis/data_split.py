@@ -42,7 +42,7 @@ class DataSplit:
     Attributes:
         train: records, their used samples those a fit learns from.
         held: what candidates are accepted on.
-        report: what before and after are quoted on; no choice has seen it where it was given.
+        report: what before and after are quoted on; where it was given no cause was chosen by it.
         noise_um: noise floor [um].
     """
 

@@ -192,7 +192,8 @@ def diagnose(
     Args:
         recordings: training records.
         test: held-out record on which causes are accepted; without it blocks of the training records are held out.
-        report: third record on which before and after are quoted; no choice sees it.
+        report: third record on which before and after are quoted; no cause is chosen by it, but what surely does
+            worse there than the base is not kept.
         model: base model whose structure (its elements) is questioned; by default a fine grid of elements.
         excluded_causes: causes not to try.
         progress: called with the share done and what is being done.

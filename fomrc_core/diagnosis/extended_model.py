@@ -22,6 +22,8 @@ from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
 
 _MAX_TURNS = 6
+# Of the sum of squares over the quoted record: as good a model does now a little better there, now a little worse.
+_SURELY_WORSE = 1.1
 _LEAST_GAIN = 1e-3  # of the squared error: less is not worth another turn
 
 
@@ -46,8 +48,8 @@ def never_worse(
     """Return the findings and the model of them that does no worse on held-out data than the base.
 
     What a search fits has weights of either sign; what is written must have those of Maxwell elements. A cause whose
-    gain was owed to weights no element can have is no finding: the last is given back until the model gains. Where
-    nothing is found the base stands as it is.
+    gain was owed to weights no element can have is no finding: the last is given back until the model gains. So it is
+    where the model does surely worse on the record that is quoted. Where nothing is found the base stands as it is.
 
     Args:
         found: causes found.
@@ -56,10 +58,9 @@ def never_worse(
         has_elements: whether the base lacks elements that the model found has: a finding without any cause beside it.
     """
     before = replace(_extend(base, split), is_base=True)
-    error_before = _held_error(before.trial, split)
     while found.steps or has_elements:
         extension = _fitted(found.model, split)
-        if _held_error(extension.trial, split) <= error_before:
+        if _is_no_worse(extension.trial, before.trial, split):
             return found, extension
         if not found.steps:
             break
@@ -70,8 +71,15 @@ def never_worse(
     return found, before
 
 
-def _held_error(model: TrialModel, split: DataSplit) -> float:
-    return float(sum(np.dot(v, v) for v in held_residuals(model, split.held)))
+def _is_no_worse(model: TrialModel, base: TrialModel, split: DataSplit) -> bool:
+    held, quoted = (
+        [_squares(held_residuals(each, parts)) for each in (model, base)] for parts in (split.held, split.report)
+    )
+    return held[0] <= held[1] and quoted[0] <= _SURELY_WORSE * quoted[1]
+
+
+def _squares(residuals_um: list[Array]) -> float:
+    return float(sum(np.dot(v, v) for v in residuals_um))
 
 
 def _fitted(model: TrialModel, split: DataSplit) -> Extension:

@@ -36,7 +36,7 @@ _N_RECORDS_MAX = 8
 _ROLES = {
     "train": "learnt from",
     "test": "held out of every fit; causes were accepted on it",
-    "report": "held out, seen by no fit and no choice",
+    "report": "held out, seen by no fit",
 }
 
 
