@@ -15,9 +15,6 @@ from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_del
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
 from fomrc_core.errors import ParameterError
 
-# A delay reads between the parts of a step, as on a straight line: of a mass that rings at a third of the sample rate a
-# fifth of a sample is 2 % off, a twentieth 0.1 %.
-_N_PARTS_RINGING = 20
 _ROOM = 24  # samples beside those of the delay: the parts of one step, and one on either side
 
 
@@ -104,7 +101,7 @@ class TransportDelay(Effect):
 
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something rings before it, whose swings it reads between the parts."""
-        return _N_PARTS_RINGING if self.delay_s > 0.0 and any(effect.rings for effect in effects) else 1
+        return super().least_parts(effects) if self.delay_s > 0.0 else 1
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

@@ -55,6 +55,39 @@ def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
     assert bend == 0.0
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("mechanical_resonance",),
+        ("drive_resonance",),
+        ("drive_resonance", "mechanical_resonance"),
+        ("mechanical_resonance", "second_mode"),
+        ("mechanical_resonance", "sensor_bandwidth"),
+        ("mechanical_resonance", "transport_delay"),
+    ],
+)
+def test_what_rings_while_the_drive_rests_is_followed_by_what_is_behind_it(names: tuple[str, ...]) -> None:
+    known = {
+        "mechanical_resonance": {"frequency_hz": 160.0, "damping_ratio": 0.02},
+        "drive_resonance": {"frequency_hz": 130.0, "damping_ratio": 0.05},
+        "second_mode": {"frequency_hz": 210.0, "damping_ratio": 0.09, "participation": -1.0, "rate_share": -0.2},
+        "sensor_bandwidth": {"cutoff_hz": 200.0, "n_poles": 2.0},
+        "transport_delay": {"delay_s": 0.4e-3},
+    }
+    effects = tuple(effect_classes()[name].from_mapping(known[name], where=name) for name in names)
+    model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, effects, None, Substeps.BENDS)
+    n, factor = 1500, 40
+    levels_v = np.repeat(np.random.default_rng(7).uniform(-50.0, 50.0, n // 50), 50)
+    levels_v[:50] = 0.0
+    # the same course, straight between the samples, given in samples so fine that nothing is divided any more
+    at = np.arange(1, n * factor + 1) / factor
+    fine_v = np.interp(at, np.arange(n + 1), np.concatenate((levels_v[:1], levels_v)))
+    coarse_um = model.simulate(np.full(n, 1e-3), levels_v)
+    fine_um = model.simulate(np.full(n * factor, 1e-3 / factor), fine_v)[factor - 1 :: factor]
+    error_um, stroke_um = coarse_um - fine_um, float(np.ptp(fine_um))
+    assert float(np.sqrt(np.mean((error_um - np.mean(error_um)) ** 2))) < 1e-4 * stroke_um
+
+
 @given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=30), st.integers(1, 29))
 def test_what_is_divided_does_not_depend_on_where_a_record_is_cut(changes: list[float], cut: int) -> None:
     change = np.array(changes)
