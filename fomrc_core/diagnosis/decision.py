@@ -155,7 +155,8 @@ def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence
     for mine, its in compared:
         white, left = ([noise.whiten(values) for values in stretches] for stretches in (mine, its))
         n_independent = sum(v.size for v in white) / max(autocorrelation_inflation(v) for v in white)
-        margin += 0.5 * n_independent * math.log(sum(float(v @ v) for v in left) / sum(float(v @ v) for v in white))
+        powers = [max(sum(float(v @ v) for v in many), 1e-300) for many in (left, white)]
+        margin += 0.5 * n_independent * math.log(powers[0] / powers[1])
     return margin
 
 

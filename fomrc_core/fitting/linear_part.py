@@ -58,9 +58,8 @@ class Tangent:
 
 def centred(values: Array, is_used: Mask) -> Array:
     """Return the values less their mean over the used samples: what an unknown offset leaves."""
-    # a product with the mask copies no rows
-    mean = np.dot(is_used.astype(np.float64), values) / np.count_nonzero(is_used)
-    return np.asarray(values - mean)
+    used = values if np.all(is_used) else values[is_used]  # copying all rows would cost more than the mean
+    return np.asarray(values - np.mean(used, axis=0))
 
 
 def residuals(trial: TrialModel, records: tuple[FitRecord, ...]) -> tuple[Array, ...]:
