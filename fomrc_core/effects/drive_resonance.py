@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from fomrc_core.effects.base.effect import Effect, Parameter, Stage
+from fomrc_core.effects.base.effect import Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.ringing import ringing_peaks_hz
 from fomrc_core.effects.base.second_order import SecondOrder
-
-# After jumps of the whole range a drive of 0.02 damping that rang at a sixth of the sample rate was 0.08 % of the range
-# off with one part to a step of rest (test_substeps.py); it falls with the square of the number.
-_N_PARTS_SWINGING = 8
 
 
 @dataclass(frozen=True)
@@ -37,10 +33,6 @@ class DriveResonance(SecondOrder):
     )
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the voltage; use smooth targets"
     size_exponent: ClassVar[float] = -0.5
-
-    def least_parts(self, effects: tuple[Effect, ...]) -> int:
-        """Return several parts also while the command rests: the elements see the drive swing on."""
-        return max(_N_PARTS_SWINGING, super().least_parts(effects))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DriveResonance]:

@@ -99,10 +99,6 @@ class TransportDelay(Effect):
         """Return whether nothing is delayed."""
         return self.delay_s == 0.0
 
-    def least_parts(self, effects: tuple[Effect, ...]) -> int:
-        """Return more parts where something rings before it, whose swings it reads between the parts."""
-        return super().least_parts(effects) if self.delay_s > 0.0 else 1
-
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
         n_parts = min(math.ceil(self.delay_s / shortest_part_s) + _ROOM, DELAY_CAPACITY)

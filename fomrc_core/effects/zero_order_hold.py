@@ -100,8 +100,7 @@ class ZeroOrderHold(Effect):
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something behind the hold sees its jumps, spread over a part on either side."""
         sees_jumps = any(effect.needs_substeps and effect.name != self.name for effect in effects)
-        parts = _N_PARTS_JUMPING if self.holds and sees_jumps else 1
-        return max(parts, super().least_parts(effects) if self.holds else 1)
+        return _N_PARTS_JUMPING if self.holds and sees_jumps else 1
 
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a hold is a number of samples, of which none is smaller than one."""

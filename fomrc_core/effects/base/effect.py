@@ -25,10 +25,6 @@ __all__ = ["Array", "Effect", "Parameter", "Stage", "in_chain_order"]
 
 Array = NDArray[np.float64]
 
-# Of what rings at a third of the sample rate a straight line over a fifth of a sample is 2 % off, over a twentieth
-# 0.1 %.
-N_PARTS_RINGING = 20
-
 
 class Stage(IntEnum):
     """Which part of the chain an effect acts in; the chain runs in this order."""
@@ -157,16 +153,10 @@ class Effect(Cause):
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return into how many parts each step is at least divided for it.
 
-        In more where how its input runs within a step matters to it and something before it rings: it would take the
-        swings for straight lines, also while the drive rests.
-
         Args:
-            effects: all effects of the chain in its order, this one among them.
+            effects: all effects of the chain, this one among them.
         """
-        if not self.needs_substeps or self.is_null():
-            return 1
-        before = effects[: next((i for i, effect in enumerate(effects) if effect is self), 0)]
-        return N_PARTS_RINGING if any(effect.rings and not effect.is_null() for effect in before) else 1
+        return 1
 
     def step_form(self, shortest_part_s: float) -> StepForm | None:
         """Return the step for a controller, of which C and Python are made; None where there is none.

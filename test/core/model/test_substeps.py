@@ -40,19 +40,22 @@ from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, parts
 
 _KAPPA, _SATURATION, _ORDER = [10.0, 25.0, 50.0, 1.3], [0.05, 0.1, 0.04], 0.03
 _RINGING = effect_classes()["mechanical_resonance"](314.0, 0.0157)  # type: ignore[call-arg]
+_LAGGING = effect_classes()["amplifier_bandwidth"](200.0)  # type: ignore[call-arg]
 
 
 def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
     parts, bend = parts_of_steps(
-        np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, (_RINGING,), Substeps.BENDS
+        np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, (_LAGGING,), Substeps.BENDS
     )
     assert parts[0] == parts[1] == N_PARTS_LARGE
     assert parts[4] == N_SUBSTEPS
     assert parts[-1] == 1
     assert 0.0 < bend < 1e-3
-    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, (_RINGING,), Substeps.BENDS)
+    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, (_LAGGING,), Substeps.BENDS)
     assert at_rest.tolist() == [1, 1, 1]
     assert bend == 0.0
+    # what rings swings on while the drive rests
+    assert parts_of_steps(np.zeros(3), 1.0, (_RINGING,), Substeps.BENDS)[0].min() > 1
 
 
 @pytest.mark.parametrize(
