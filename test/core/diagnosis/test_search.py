@@ -109,6 +109,28 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     assert better(first, replace(good, model=plain)) is None
 
 
+def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_asked(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a slew limit beside a resonance: held out are triangles, which tell of neither as a dense record does
+    accepted = _contender(split, "rate_dependent_hysteresis", 0.09, 0.41)
+    slewing = _contender(split, "amplifier_slew_limit", 0.42, 0.15)
+    state = search._SearchState(accepted.fitted.model, (), accepted.fitted, frozenset())
+    both = replace(state, tried=frozenset({"amplifier_slew_limit"}))
+
+    def asked(second: Candidate | None, *candidates: Candidate) -> str:
+        monkeypatch.setattr(search, "_with_pair", lambda *_: None if second is None else (both, second))
+        return search._or_pair((state, accepted), state, [accepted, *candidates], split, (), 18, None)[1].cause
+
+    ringing = _contender(split, "mechanical_resonance", 10.0, 4.6)
+    assert asked(ringing, slewing) == "mechanical_resonance"
+    assert asked(_contender(split, "mechanical_resonance", 10.0, 0.3), slewing) == "rate_dependent_hysteresis"
+    assert asked(_contender(split, "mechanical_resonance", 0.05, 4.6), slewing) == "rate_dependent_hysteresis"
+    assert asked(None, slewing) == "rate_dependent_hysteresis"
+    # another that training data hardly prefer is no reason to ask
+    assert asked(ringing, _contender(split, "amplifier_slew_limit", 0.3, 0.15)) == "rate_dependent_hysteresis"
+
+
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(split: DataSplit) -> None:
     bent = _contender(split, "asymmetric_hysteresis", 2.7, 2.1)
     assert decision.is_accepted(bent, 18)
