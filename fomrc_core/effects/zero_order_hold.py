@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -46,6 +46,9 @@ class ZeroOrderHold(Effect):
 
     A sample falls on the jump from one hold to the next and reads it half done, so that the hold costs half of its
     time: on a chain without dynamics nothing tells it from a delay.
+
+    A converter that takes each sample as it comes keeps it until the next, however far apart the samples of a record
+    are (``per_sample``); one with a clock of its own keeps it for a time.
     """
 
     name: ClassVar[str] = "zero_order_hold"
@@ -53,9 +56,10 @@ class ZeroOrderHold(Effect):
     order: ClassVar[float] = 20.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("hold_s", "s", 0.0, 1e5, description="how long a value is held, a number of samples"),
+        Parameter("per_sample", "1", 0.0, 1.0, description="1: each sample of a record until its next; 0: that time"),
     )
     main_parameter: ClassVar[str] = "hold_s"
-    held_parameters: ClassVar[tuple[str, ...]] = ("hold_s",)
+    held_parameters: ClassVar[tuple[str, ...]] = ("hold_s", "per_sample")
     meaning: ClassVar[str] = "The converter keeps its voltage until the next sample, on average half a sample too long."
     signature: ClassVar[str] = "residual follows the rate of the displacement like that of half a hold's delay"
     experiment: ClassVar[str] = (
@@ -65,6 +69,11 @@ class ZeroOrderHold(Effect):
     needs_substeps: ClassVar[bool] = True
 
     hold_s: float
+    per_sample: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "per_sample", float(round(self.per_sample)))
 
     @property
     def holds(self) -> bool:
@@ -77,7 +86,7 @@ class ZeroOrderHold(Effect):
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the drive [V] that is held from each sample on, shape (n_samples,)."""
-        if not self.holds:
+        if not self.holds or self.per_sample:
             return values
         out = np.empty(values.size)
         _run_hold(state, self.hold_s, values, steps_s, out)
@@ -97,6 +106,10 @@ class ZeroOrderHold(Effect):
             return None
         return super().undo_known(wanted, course)
 
+    def sampled_every(self, step_s: float) -> ZeroOrderHold:
+        """Return the hold of samples this far apart [s]."""
+        return replace(self, hold_s=step_s) if self.holds and self.per_sample else self
+
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return more parts where something behind the hold sees its jumps, spread over a part on either side."""
         sees_jumps = any(effect.needs_substeps and effect.name != self.name for effect in effects)
@@ -108,7 +121,7 @@ class ZeroOrderHold(Effect):
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        if not self.holds:
+        if not self.holds or self.per_sample:
             return StepForm()
         return StepForm(
             constants=(("hold_s", self.hold_s),),
@@ -122,10 +135,16 @@ class ZeroOrderHold(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[ZeroOrderHold]:
-        """Return the numbers of samples whose holds make a drive most like the residual."""
+        """Return the numbers of samples whose holds make a drive most like the residual.
+
+        A hold of one sample is one of each sample: that a clock of its own runs at the rate of the record would be
+        chance, and records of other rates would show it.
+        """
         gains = {n: sum(_likeness(r, n) for r in evidence.records) for n in range(1, _MOST_SAMPLES + 1)}
         likeliest = sorted(gains, key=lambda n: -gains[n])[:_N_TRIALS]
-        return cls.proposed({"hold_s": n * evidence.sample_period_s} for n in likeliest)
+        return cls.proposed(
+            {"hold_s": n * evidence.sample_period_s, "per_sample": float(n == 1)} for n in likeliest
+        )
 
 
 def _likeness(record: RecordEvidence, n_samples: int) -> float:

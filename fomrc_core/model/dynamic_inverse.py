@@ -60,9 +60,10 @@ class DynamicInverse:
             target: even samples; where it is periodic, one period of an endless scan.
         """
         wanted = target.desired_um
-        chain = _KnownChain.of(self.model, Course(wanted.size, target.step_s, target.is_periodic))
+        model = self.model.sampled_every(target.step_s)
+        chain = _KnownChain.of(model, Course(wanted.size, target.step_s, target.is_periodic))
         voltage_v, reached_um, errors_um = chain.converged(wanted)
-        left = tuple((c.name, c.inverse_note) for c in self.model.causes if c not in chain.effects)
+        left = tuple((c.name, c.inverse_note) for c in model.causes if c not in chain.effects)
         return Waveform(
             target=target,
             voltage_v=voltage_v,

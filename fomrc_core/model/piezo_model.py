@@ -153,6 +153,10 @@ class PiezoModel:
         kept = tuple(effect for effect in self.effects if effect.name not in new)
         return replace(self, effects=kept + effects)
 
+    def sampled_every(self, step_s: float) -> PiezoModel:
+        """Return the model with its effects as they are among even samples this far apart [s]."""
+        return replace(self, effects=tuple(effect.sampled_every(step_s) for effect in self.effects))
+
     def with_start(self, start: Prehistory | None) -> PiezoModel:
         """Return the model with what went before a record replaced; None for a relaxed start."""
         return replace(self, start=start)

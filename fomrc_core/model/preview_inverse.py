@@ -148,7 +148,7 @@ class PreviewInverse:
             allowed = f"above 0, at most {longest_s:g} s: so much of the targets is kept"
             raise ParameterError("out of range", where="preview_s", value=preview_s, allowed=allowed)
         n_preview = max(round(preview_s / step_s), 1)
-        course = Course(_N_BLANK, step_s)
+        course, model = Course(_N_BLANK, step_s), model.sampled_every(step_s)
         undone = [effect for effect in model.effects if _needs_preview(effect, course)]
         mechanics = tuple(effect for effect in undone if effect.stage not in _DRIVE)
         amplifier = tuple(effect for effect in undone if effect.stage in _DRIVE)

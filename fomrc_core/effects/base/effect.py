@@ -108,6 +108,10 @@ class Effect(Cause):
             return course.undone(wanted, self._gain)
         return self.invert(self.initial_state(), wanted, course.steps_s) if self.can_invert else None
 
+    def sampled_every(self, step_s: float) -> Effect:
+        """Return the effect as it is among even samples this far apart [s]; of its parameters few ask for that."""
+        return self
+
     def _gain(self, frequency_hz: Array) -> ComplexArray:
         gain = self.response(frequency_hz)
         assert gain is not None

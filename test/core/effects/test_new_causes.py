@@ -164,6 +164,18 @@ def test_a_hold_of_some_samples_makes_stairs_with_the_sample_on_the_jump_half_wa
     assert found == pytest.approx([0.5, 1.0, 1.0, 2.5, 4.0, 4.0, 5.5, 7.0, 7.0, 8.5, 10.0, 10.0])
 
 
+def test_a_hold_of_each_sample_is_as_long_as_the_samples_of_a_record_are_apart() -> None:
+    rng = np.random.default_rng(7)
+    steps_s, drive = np.full(300, 0.4e-3), np.cumsum(rng.uniform(-1.0, 1.0, 300))
+    lag = AmplifierBandwidth(300.0)
+    told_at_another_rate = MODEL.with_effects(ZeroOrderHold(1e-3, per_sample=1.0), lag).simulate(steps_s, drive)
+    np.testing.assert_array_equal(
+        told_at_another_rate, MODEL.with_effects(ZeroOrderHold(0.4e-3), lag).simulate(steps_s, drive)
+    )
+    for_a_time = MODEL.with_effects(ZeroOrderHold(1e-3), lag).simulate(steps_s, drive)
+    assert np.std(for_a_time - told_at_another_rate) > 0.01 * np.std(told_at_another_rate)
+
+
 def test_a_hold_between_samples_is_a_hold_for_what_lags_behind_it() -> None:
     # a first-order lag of a true staircase, by the exact exponential of each hold
     step_s, tau_s = 1e-3, 2e-3

@@ -52,15 +52,16 @@ def options(**changes) -> ExportOptions:
 
 # In the place of the fractional creep, not beside it: no part of a model with every effect.
 CREEP_LAW = CreepLaw(per_decade=0.02, onset_s=0.01, first_share=0.05, first_s=3.0)
-# The other form of an effect that is among them.
+# The other forms of effects that are among them.
 LEAD = IntermittentContact(opens_s=(0.021, 0.3), closes_s=(0.05, 0.34))
+EACH_SAMPLE = ZeroOrderHold(5.0 * PERIOD_S, per_sample=1.0)
 
 
 def test_every_effect_is_exported() -> None:
     assert {effect.name for effect in (*EVERY.effects, CREEP_LAW)} == set(effect_classes())
 
 
-@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW, LEAD], ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW, LEAD, EACH_SAMPLE], ids=lambda effect: effect.name)
 def test_an_effect_alone_passes_its_self_test_in_c_and_python(effect, tmp_path) -> None:
     model = replace(PLAIN, creep_order=0.0 if effect.replaces_creep else PLAIN.creep_order).with_effects(effect)
     written = export_model(model, tmp_path / "c", options())

@@ -106,6 +106,7 @@ def test_what_the_model_gives_is_the_target_whatever_its_dynamics(
         ({"second_mode": {"frequency_hz": 260.0, "damping_ratio": 0.05, "participation": 0.2}}, 1e-2),
         ({"slow_relaxation": {"amplitude": 0.1, "time_constant_s": 0.02}}, 1e-2),
         ({"zero_order_hold": {"hold_s": STEP_S}}, 1e-2),
+        ({"zero_order_hold": {"hold_s": 5.0 * STEP_S, "per_sample": 1.0}}, 1e-2),  # told at a fifth of this rate
         ({"unequal_lag": {"rising_s": 4e-4, "falling_s": 2e-4}}, 2e-2),
         ({"voltage_dependent_capacitance": {"time_constant_s": 4e-4, "per_v": 0.1}}, 1e-2),
         ({"rate_dependent_hysteresis": {"per_v_per_s": 1e-4}}, 2e-2),
