@@ -142,9 +142,7 @@ class ZeroOrderHold(Effect):
         """
         gains = {n: sum(_likeness(r, n) for r in evidence.records) for n in range(1, _MOST_SAMPLES + 1)}
         likeliest = sorted(gains, key=lambda n: -gains[n])[:_N_TRIALS]
-        return cls.proposed(
-            {"hold_s": n * evidence.sample_period_s, "per_sample": float(n == 1)} for n in likeliest
-        )
+        return cls.proposed({"hold_s": n * evidence.sample_period_s, "per_sample": float(n == 1)} for n in likeliest)
 
 
 def _likeness(record: RecordEvidence, n_samples: int) -> float:
