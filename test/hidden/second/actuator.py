@@ -182,8 +182,10 @@ class Actuator:
                 law = Relaxations(other["amplitudes"], other["time_constants_s"])
         x = creep(self._looped(drive_v, fine_s), law, fine_s)
         if "amplitude_dependent_creep" in self.effects:
-            more = self.effects["amplitude_dependent_creep"]["share"] * self.loops.switching(self.reach_v).run(drive_v)
-            x = x + creep(more, law, fine_s) - law.of_step(np.array([fine_s]))[0] * more
+            switching = self.effects["amplitude_dependent_creep"]
+            more = switching["share"] * self.loops.switching(self.reach_v).run(drive_v)
+            # What has crept by then is of the loops. The same time for every record: no sensor's rate moves domains.
+            x = x + creep(more, law, fine_s) - law.of_step(np.array([switching["onset_s"]]))[0] * more
         return x
 
     def _mechanics(self, x: np.ndarray, fine_s: float) -> np.ndarray:

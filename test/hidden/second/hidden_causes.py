@@ -175,7 +175,8 @@ def _creep_law(bench: Bench, rng: np.random.Generator) -> Draft:
 
 
 def _amplitude_creep(bench: Bench, rng: np.random.Generator) -> Draft:
-    return Draft(lambda share: {"share": share}, 0.05, 30.0)
+    onset_s = bench.scale.step_s / bench.actuator.oversampling
+    return Draft(lambda share: {"share": share, "onset_s": onset_s}, 0.05, 30.0)
 
 
 def _relaxation(bench: Bench, rng: np.random.Generator) -> Draft:
