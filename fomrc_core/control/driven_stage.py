@@ -20,7 +20,7 @@ from fomrc_core.effects import Effect, Stage
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.kernels import forward
 from fomrc_core.model.preview_inverse import PreviewInverse
-from fomrc_core.model.substeps import subdivide
+from fomrc_core.model.substeps import held_parts, subdivide
 from fomrc_core.operators.creep import mode_states
 from fomrc_core.operators.hysteresis import hysteresis_block, move_plays, move_stops, play_states
 
@@ -111,15 +111,16 @@ class DrivenStage:
     def _passed(self, steps_s: Array, voltages_v: Array) -> Array:
         drive_v = self._run(self._sampled, voltages_v - self._origin_v, steps_s)
         before_v = np.concatenate(([self._last_v], drive_v[:-1]))
-        parts_s, parts_v, ends = subdivide(steps_s, drive_v, self._last_v, np.full(drive_v.size, _N_PARTS))
+        n_parts = np.full(drive_v.size, _N_PARTS)
+        parts_s, parts_v, ends = subdivide(steps_s, drive_v, self._last_v, n_parts)
         if self._is_held:
-            parts_v = np.repeat(before_v, _N_PARTS)
-            parts_v[ends] = 0.5 * (before_v + drive_v)
+            parts_v = held_parts(before_v, drive_v, n_parts)
         self._last_v = float(drive_v[-1])
         inner_v = np.ascontiguousarray(self._run(self._drive, parts_v, parts_s) + self._origin_v)
         moved_um = np.empty(inner_v.size)
         forward(self._packed, self._at_creep, inner_v, parts_s, moved_um)
-        return np.asarray(self._run(self._mechanics, moved_um - self._origin_um, parts_s)[ends] + self._origin_um)
+        seen_um = self._run(self._mechanics, moved_um - self._origin_um, parts_s) + self._origin_um
+        return np.asarray(seen_um.reshape(-1, _N_PARTS).mean(axis=1) if self._is_held else seen_um[ends])
 
     def _run(self, effects: Sequence[Effect], values: Array, steps_s: Array) -> Array:
         for effect in effects:

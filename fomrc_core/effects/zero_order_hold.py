@@ -16,7 +16,7 @@ from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateFi
 
 _MOST_SAMPLES = 20  # held longer, each level is seen in the displacement itself
 _N_TRIALS = 2
-_N_PARTS_JUMPING = 16  # of what a hold does to a lag of two samples a part this wide misses a twentieth
+_N_PARTS_JUMPING = 16  # a jump over a part: of what a hold does to a lag of two samples it misses a twentieth
 _LONGEST_UNDONE = 1.5  # samples, where a hold is one to which the clocks of command and converter do not quite agree
 
 
@@ -44,8 +44,9 @@ def _hold(s: Fields, c: Fields, value: float, step_s: float) -> Number:
 class ZeroOrderHold(Effect):
     """The command is taken at a sample and held for a time, where the model would go straight to the next sample.
 
-    A sample falls on the jump from one hold to the next and reads it half done, so that the hold costs half of its
-    time: on a chain without dynamics nothing tells it from a delay.
+    The displacement is read as by a converter that integrates over the sample, half of it before the jump from one hold
+    to the next and half after, so that the hold costs half of its time: with small steps on a chain without dynamics
+    nothing tells it from a delay.
 
     A converter that takes each sample as it comes keeps it until the next, however far apart the samples of a record
     are (``per_sample``); one with a clock of its own keeps it for a time.

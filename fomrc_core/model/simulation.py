@@ -7,7 +7,7 @@ before a record. Without effects and without division of steps this is equations
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
 from fomrc_core.model.kernels import forward, forward_beside, forward_widened
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import Substeps, parts_of_steps, subdivide
+from fomrc_core.model.substeps import Substeps, held_parts, parts_of_steps, subdivide
 from fomrc_core.operators.creep import CreepModes, creep_block
 from fomrc_core.operators.hysteresis import HEADER as PLAYS_HEADER
 from fomrc_core.operators.hysteresis import N_PLAYS, OperatorSum, hysteresis_block
@@ -33,16 +33,24 @@ class ElementDrive:
         voltage_v: voltage at the elements at the end of each part [V], shape (n_parts,).
         ends: part that ends at each sample, shape (n_samples,); None where no step is divided.
         widening: factor of the elements' thresholds at the end of each part, shape (n_parts,); None where it is one.
+        is_averaged: whether a sample reads the mean over its parts and not their end.
     """
 
     steps_s: Array
     voltage_v: Array
     ends: NDArray[np.int64] | None
     widening: Array | None = None
+    is_averaged: bool = False
 
     def at_samples(self, values: Array) -> Array:
-        """Return values of all parts, along the first axis, at the samples only."""
-        return values if self.ends is None else values[self.ends]
+        """Return values of all parts, along the first axis, as they are read at the samples."""
+        if self.ends is None:
+            return values
+        if not self.is_averaged:
+            return values[self.ends]
+        begins = np.concatenate(([0], self.ends[:-1] + 1))
+        n_parts = (self.ends + 1 - begins).reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray(np.add.reduceat(values, begins, axis=0) / n_parts)
 
 
 def relaxed_state(play_form: OperatorSum, modes: CreepModes, effects: Iterable[Effect]) -> tuple[ModelState, int]:
@@ -141,13 +149,10 @@ def _divided(
         parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, effects, substeps, state.bend)
         if np.any(parts > 1):
             steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)
-            if is_held:
-                fine_v = np.repeat(before_v, parts)
-                fine_v[ends] = 0.5 * (before_v + drive_v)
-            drive_v = fine_v
+            drive_v = held_parts(before_v, drive_v, parts) if is_held else fine_v
     if is_held and ends is None:
         drive_v = 0.5 * (before_v + drive_v)
-    return ElementDrive(steps_s, drive_v, ends)
+    return ElementDrive(steps_s, drive_v, ends, is_averaged=is_held)
 
 
 def _driven(state: ModelState, effects: tuple[Effect, ...], divided: ElementDrive) -> ElementDrive:
@@ -155,7 +160,7 @@ def _driven(state: ModelState, effects: tuple[Effect, ...], divided: ElementDriv
     drive_v = divided.voltage_v
     for effect in of_stage(effects, Stage.DRIVE):
         drive_v = effect.run(state.effects[effect.name], drive_v, divided.steps_s)
-    return ElementDrive(divided.steps_s, drive_v, divided.ends)
+    return replace(divided, voltage_v=drive_v)
 
 
 def _warped(state: ModelState, effects: tuple[Effect, ...], driven: ElementDrive) -> ElementDrive:
@@ -168,7 +173,7 @@ def _warped(state: ModelState, effects: tuple[Effect, ...], driven: ElementDrive
         factor = effect.widening(state.effects[effect.name], drive_v, steps_s)
         if factor is not None:
             widening = factor if widening is None else widening * factor
-    return ElementDrive(steps_s, drive_v, driven.ends, widening)
+    return replace(driven, voltage_v=drive_v, widening=widening)
 
 
 def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:

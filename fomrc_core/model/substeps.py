@@ -113,3 +113,21 @@ def subdivide(
     fine = np.repeat(before, parts) + np.repeat((drive - before) / parts, parts) * within
     fine[ends] = drive
     return np.repeat(steps / parts, parts), fine, ends
+
+
+def held_parts(before_v: Array, drive_v: Array, parts: NDArray[np.int64]) -> Array:
+    """Return a drive that jumps from sample to sample [V] on equal parts of each step, shape (n_parts,).
+
+    The jump lies in the middle of the step's parts, so that their mean is what is read over a sample, half of it
+    before the jump and half after: as by a converter that integrates, which reads no value in the midst of a jump.
+
+    Args:
+        before_v: level before each sample [V], shape (n_samples,).
+        drive_v: level from it on [V], shape (n_samples,).
+        parts: number of parts of each step.
+    """
+    begins = np.repeat(np.cumsum(parts) - parts, parts)
+    beyond = 2 * (np.arange(begins.size) - begins + 1) - np.repeat(parts + 1, parts)
+    after = 0.5 * (1.0 + np.sign(beyond))
+    before = np.repeat(before_v, parts)
+    return np.asarray(before + after * (np.repeat(drive_v, parts) - before))

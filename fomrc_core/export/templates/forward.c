@@ -53,9 +53,14 @@ static real forward_parts(piezo_forward *state, const coefficients *k, real driv
     state->bend = most(BEND_AFTER * size, BEND_FADES * state->bend);
 @end
 @if held
+    real sum = R(0.0); /* a sample reads the mean over its parts, with the jump in their middle */
     (void)part_v;
-    for (int i = 1; i < n_parts; i++) (void)forward_part(state, k, before_v, part_s);
-    return forward_part(state, k, R(0.5) * (before_v + drive_v), part_s); /* the sample reads the jump half done */
+    for (int i = 1; i <= n_parts; i++) {
+        const int beyond = 2 * i - n_parts - 1;
+        const real held_v = beyond < 0 ? before_v : beyond > 0 ? drive_v : R(0.5) * (before_v + drive_v);
+        sum += forward_part(state, k, held_v, part_s);
+    }
+    return sum / n;
 @end
 @if not held
     for (int i = 1; i < n_parts; i++) (void)forward_part(state, k, before_v + part_v * (real)i, part_s);
