@@ -19,13 +19,14 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.noise import NoiseFloor, known_noise
-from fomrc_core.records.quality import Slip, find_slips, left_by_lags
+from fomrc_core.records.quality import Slip, find_slips, lag_part
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
 _N_TURNS = 12
 _BETTER = 0.98  # of a record's error: a turn that gains less is the last
 _MUCH_BETTER = 0.5  # of what a record's error was
+_N_LAG_TURNS = 4
 _THAN_A_LAG = 0.6  # of what lags of all kinds would leave
 
 
@@ -87,12 +88,27 @@ def _without_slips(given: Prepared) -> Prepared:
         now, slips = found
     if not any(slips):
         return given
-    after_um = _errors(now.looked.records, now.residuals())
-    for i, record in enumerate(given.looked.records):
-        lagging_um = left_by_lags(record.measured_um, record.measured_um - left[i], record.valid_samples)
-        if after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um):
+    after_um, lagging_um = _errors(now.looked.records, now.residuals()), _left_by_lags(given)
+    for i in range(len(slips)):
+        if after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um[i]):
             slips[i] = ()
     return Prepared.of(given.looked.without_slips(slips)) if any(slips) else given
+
+
+def _left_by_lags(given: Prepared) -> list[float]:
+    """Return what lags of all kinds leave of each record, rms [um], the base fitted to the rest as it is without slips.
+
+    A base that was fitted to readings that lag has bent to them, and so have lags fitted to what it leaves.
+    """
+    now, parts_um = given, [np.zeros(r.n_samples) for r in given.looked.records]
+    best_um = _errors(given.looked.records, given.residuals())
+    for _ in range(_N_LAG_TURNS):
+        pairs = zip(now.looked.records, now.residuals(), strict=True)
+        more_um = [lag_part(r.measured_um, r.measured_um - left, r.valid_samples) for r, left in pairs]
+        parts_um = [part + more for part, more in zip(parts_um, more_um, strict=True)]
+        now = Prepared.of(given.looked.less(parts_um))
+        best_um = [min(pair) for pair in zip(best_um, _errors(now.looked.records, now.residuals()), strict=True)]
+    return best_um
 
 
 def _better_slips(

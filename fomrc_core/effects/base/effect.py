@@ -129,8 +129,8 @@ class Effect(Cause):
     def holds(self) -> bool:
         """Whether the drive stands still from sample to sample; only effects at the samples are asked.
 
-        Their ``run`` then returns what is held from each sample on, and what is read at a sample is the mean over half a
-        sample before the jump and half a sample after it.
+        Their ``run`` then returns what is held from each sample on, and what is read at a sample is the mean over half
+        a sample before the jump and half a sample after it.
         """
         return False
 

@@ -6,8 +6,8 @@ Where readings are early by whole samples, what a model leaves of them is the mo
 
 An offset of the whole record, a constant delay and a gain are a model's to take up, and are taken out first. What is
 left is searched for one slip after another, each moved to where it explains most beside the others. A clock that drifts
-and a stage that lags are no slips: they move readings by all parts of a sample, and ``left_by_lags`` says how well they
-would do.
+and a stage that lags are no slips: they move readings by all parts of a sample, and ``lag_part`` says what
+they would explain.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from fomrc_core.records.noise import autocorrelation_inflation
 from fomrc_core.records.quality.examination import Examined, masked_recording
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.recording import Recording
-from fomrc_core.records.residual import rms
 
 _MOST = 12  # slips of a record: where more go wrong nobody knows what the rest is worth
 _LEAST_GAIN = 2.0  # times the logarithm of the number of places and signs, in chi square
@@ -72,8 +71,8 @@ def find_slips(displacement_um: Array, predicted_um: Array, valid: Mask) -> tupl
     return tuple(Slip(sample, n) for sample, n in sorted(total.items()) if n != 0)
 
 
-def left_by_lags(displacement_um: Array, predicted_um: Array, valid: Mask) -> float:
-    """Return what is left, rms [um], where no reading slipped; arguments as ``find_slips``.
+def lag_part(displacement_um: Array, predicted_um: Array, valid: Mask) -> Array:
+    """Return what lags explain of the readings that count [um], shape (n_samples,); arguments as ``find_slips``.
 
     Readings may lag by a parabola of time, as with a clock that drifts, and with the acceleration and its change, as
     behind whatever is slow or rings.
@@ -82,7 +81,7 @@ def left_by_lags(displacement_um: Array, predicted_um: Array, valid: Mask) -> fl
     bent_um = np.gradient(rate_um)
     others = (time * rate_um, time**2 * rate_um, bent_um, np.gradient(bent_um))
     fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, others)
-    return rms(fit.left([])[valid])
+    return np.asarray(fit.residual_um - fit.left([]))
 
 
 def without_slips(recording: Recording, slips: Sequence[Slip]) -> Examined:

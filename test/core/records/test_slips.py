@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fomrc_core import diagnose
 from fomrc_core.compute.arrays import Array
 from fomrc_core.plants.electromechanical import table1_plant
-from fomrc_core.records.quality import FaultKind, Slip, find_slips, left_by_lags, without_slips
+from fomrc_core.records.quality import FaultKind, Slip, find_slips, lag_part, without_slips
 from fomrc_core.records.recording import Recording
 
 _N = 3000
@@ -61,7 +61,8 @@ def test_a_clock_that_drifts_does_better_as_one() -> None:
     drifted = np.interp(np.arange(_N) * (1.0 - 1e-3), np.arange(_N), moved)
     slips = find_slips(drifted, moved, _ALL)
     put_back = without_slips(Recording(np.arange(_N) * 1.0, moved, drifted), slips).recording.measured_um
-    assert left_by_lags(drifted, moved, _ALL) < 0.3 * float(np.std(put_back - moved))
+    left = drifted - moved - lag_part(drifted, moved, _ALL)
+    assert float(np.std(left)) < 0.3 * float(np.std(put_back - moved))
 
 
 @given(st.lists(st.integers(50, _N - 50), min_size=1, max_size=5, unique=True))
@@ -84,3 +85,15 @@ def test_a_diagnosis_says_that_samples_were_lost_and_finds_nothing_else() -> Non
     (fault,) = (f for q in found.data_quality for f in q.faults if f.kind is FaultKind.LOST)
     assert list(fault.samples) == pytest.approx([900, 2000], abs=6)
     assert found.findings == ()
+
+
+@pytest.mark.parametrize("ppm", [-1000.0, 600.0])
+def test_a_diagnosis_takes_a_clock_that_drifts_by_samples_for_no_lost_or_doubled_ones(ppm: float) -> None:
+    time_s = 0.01 * np.arange(3000)
+    drive_v = 1.2 * np.sin(0.9 * time_s) + 0.8 * np.sin(2.3 * time_s + 1.0) + 0.4 * np.sin(7.1 * time_s)
+    moved = table1_plant(20, substep_s=5e-3).simulate(0.01, drive_v)
+    noise = 4e-3 * np.random.default_rng(4).normal(size=time_s.size)
+    drifted = np.interp(time_s * (1.0 + 1e-6 * ppm), time_s, moved)
+    found = diagnose(Recording(time_s, drive_v, drifted + noise, name="skewed"))
+    assert not any(f.kind in (FaultKind.LOST, FaultKind.DOUBLED) for q in found.data_quality for f in q.faults)
+    assert [f.cause for f in found.findings] == ["clock_skew"]
