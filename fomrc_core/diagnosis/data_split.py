@@ -24,6 +24,7 @@ from fomrc_core.records.residual import rms
 
 Array = NDArray[np.float64]
 
+_IDLE = 0.5  # of the noise floor: a cause that moves held-out data less does nothing there
 SUBSTEPS = Substeps.BENDS  # of every record and model of a diagnosis: what is told apart is no more than some nm
 
 
@@ -113,3 +114,12 @@ def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
             residuals.append(centred(raw, part.record.is_used)[part.record.is_used])
         found.append(min(residuals, key=rms))
     return found
+
+
+def is_idle_held(model: TrialModel, cause: str, split: DataSplit) -> bool:
+    """Return whether a cause of the model does nothing in held-out data, which then speak neither for nor against it.
+
+    A limit of the drive that held-out data never reach is such a cause.
+    """
+    pairs = zip(held_residuals(model, split.held), held_residuals(model.without(cause), split.held), strict=True)
+    return rms(np.concatenate([beside - alone for beside, alone in pairs])) < _IDLE * split.noise_um

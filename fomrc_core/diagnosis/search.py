@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, refitted, worth_a_refit
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
 from fomrc_core.diagnosis.decision import (
     SURE,
     is_accepted,
@@ -329,7 +329,10 @@ def _pruned(state: _SearchState, split: DataSplit, executor: Executor | None) ->
         score = held_out_score(held_residuals(lesser.model, split.held), held_residuals(state.model, split.held))
         is_kept = score.log_gain >= _PRUNED or (is_last and score.is_worthwhile())
         is_of_records = any(at is not None and cause.name == name for at, cause in state.model.found())
-        if not is_kept and (train_gain < _PRUNED or not (is_of_records or is_last)):
+        if is_kept:
+            continue
+        is_asked_of_training = is_of_records or is_last or is_idle_held(state.model, name, split)
+        if train_gain < _PRUNED or not is_asked_of_training:
             state = _without_step(state, step, lesser.model, split, executor)
     errors = state.final.standard_errors(split.train, residual_inflation(state.final.residual, split.train))
     for step in state.steps:
