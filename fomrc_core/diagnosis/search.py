@@ -231,7 +231,10 @@ def _or_pair(
         pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue
-        if pair[1].fitted.squared_error < accepted.fitted.squared_error:
+        # two explain more than one whichever they are: what was chosen gets a second as well
+        own = _with_pair(state, accepted, candidates, split, wanted, n_causes, executor)
+        errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
+        if pair[1].fitted.squared_error < min(errors):
             return pair
     return chosen
 
