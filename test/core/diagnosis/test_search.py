@@ -118,8 +118,12 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
     state = search._SearchState(accepted.fitted.model, (), accepted.fitted, frozenset())
     both = replace(state, tried=frozenset({"amplifier_slew_limit"}))
 
-    def asked(second: Candidate | None, *candidates: Candidate) -> str:
-        monkeypatch.setattr(search, "_with_pair", lambda *_: None if second is None else (both, second))
+    def asked(second: Candidate | None, *candidates: Candidate, own: Candidate | None = None) -> str:
+        def pair_with(_: object, first: Candidate, *__: object) -> tuple[object, Candidate] | None:
+            found = own if first is accepted else second
+            return None if found is None else (both, found)
+
+        monkeypatch.setattr(search, "_with_pair", pair_with)
         return search._or_pair((state, accepted), state, [accepted, *candidates], split, (), 18, None)[1].cause
 
     ringing = _contender(split, "mechanical_resonance", 10.0, 4.6)
@@ -127,6 +131,9 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
     assert asked(_contender(split, "mechanical_resonance", 10.0, 0.3), slewing) == "rate_dependent_hysteresis"
     assert asked(_contender(split, "mechanical_resonance", 0.05, 4.6), slewing) == "rate_dependent_hysteresis"
     assert asked(None, slewing) == "rate_dependent_hysteresis"
+    # two explain more than one: what was chosen gets a second as well
+    assert asked(ringing, slewing, own=_contender(split, "dead_zone", 12.0, 4.0)) == "rate_dependent_hysteresis"
+    assert asked(ringing, slewing, own=_contender(split, "dead_zone", 9.0, 4.0)) == "mechanical_resonance"
     # another that training data hardly prefer is no reason to ask
     assert asked(ringing, _contender(split, "amplifier_slew_limit", 0.3, 0.15)) == "rate_dependent_hysteresis"
 
