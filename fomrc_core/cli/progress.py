@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float, str], None]
 
-_BETWEEN_LINES_S = 3.0  # a line as often, where something is done: the longest piece of work comes on top
+_BETWEEN_LINES_S = 2.5  # a line as often, where something is done: the longest piece of work, some 2 s, comes on top
 _BETWEEN_FRAMES_S = 0.2  # the same of a bar
 _FIRST_TIMES_S = 5.0  # who is done before needs no times
 _LOADED = "modules loaded"

@@ -165,15 +165,12 @@ def simplest(winner: Candidate, candidates: Sequence[Candidate], split: DataSpli
 
     A winner that holds another candidate as a special case must predict surely better than that one.
     """
-    special = next((c for c in candidates if c.cause == cause_classes()[winner.cause].generalizes), None)
+    alike = [c for c in candidates if c.is_bound == winner.is_bound]
+    special = next((c for c in alike if c.cause == cause_classes()[winner.cause].generalizes), None)
     if special is not None and is_accepted(special, n_causes) and not is_surely_better(winner, special):
         winner = special
-    alike = [
-        other
-        for other in ties_of(winner, candidates, split)
-        if other.is_bound == winner.is_bound and is_accepted(other, n_causes)
-    ]
-    return min((winner, *alike), key=lambda candidate: candidate.n_free)
+    tied = [other for other in ties_of(winner, alike, split) if is_accepted(other, n_causes)]
+    return min((winner, *tied), key=lambda candidate: candidate.n_free)
 
 
 def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:

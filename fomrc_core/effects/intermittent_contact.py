@@ -116,6 +116,7 @@ class IntermittentContact(Effect):
         Parameter("closes_s", "s", 0.0, _LONGEST_S, is_list=True, description="when it closes again"),
     )
     main_parameter: ClassVar[str] = "contact_um"
+    generalizes: ClassVar[str] = "lost_preload"  # where nothing clings it is a bend at one displacement
     linear_parameters: ClassVar[tuple[str, ...]] = ("stiffness_share",)
     meaning: ClassVar[str] = (
         "A stop, a cable or a sample touches the stage for a part of its stroke, or a loose lead opens now and then."

@@ -123,6 +123,17 @@ def test_an_equal_lag_both_ways_is_that_of_the_bandwidth() -> None:
     assert UnequalLag.generalizes == VoltageDependentCapacitance.generalizes == AmplifierBandwidth.name
 
 
+def test_a_contact_that_does_not_cling_is_a_bend_like_that_of_a_lost_preload() -> None:
+    steps_s, values = uneven()
+    contact, bend = IntermittentContact(contact_um=0.3, stiffness_share=0.2), LostPreload(0.3, 0.2 / (1.0 - 0.2))
+    touched = contact.run(contact.initial_state(), values, steps_s)
+    bent = bend.run(bend.initial_state(), values, steps_s)
+    # but for a gain and an offset, which are the elements' and the sensor's
+    slope, offset = np.polyfit(bent, touched, 1)
+    np.testing.assert_allclose(touched, slope * bent + offset, atol=1e-12)
+    assert IntermittentContact.generalizes == LostPreload.name
+
+
 @pytest.mark.parametrize("per_v", [0.2, -0.15])
 def test_capacitance_that_follows_the_voltage(per_v) -> None:
     steps_s, values = uneven()
