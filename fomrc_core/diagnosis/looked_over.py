@@ -75,10 +75,10 @@ class LookedOver:
             seen.append(Examined(moved.recording, replace(moved.quality, faults=faults)))
         return self._joined(len(self.train), self.test is not None, seen)
 
-    def less(self, parts_um: Sequence[Array]) -> LookedOver:
-        """Return the records without parts of their displacements [um], in the order of ``records``."""
-        pairs = zip(self.records, parts_um, self.quality, strict=True)
-        seen = [Examined(replace(r, displacement_um=r.measured_um - part), quality) for r, part, quality in pairs]
+    def reading(self, displacements_um: Sequence[Array]) -> LookedOver:
+        """Return the records with other displacements [um], in the order of ``records``."""
+        pairs = zip(self.records, displacements_um, self.quality, strict=True)
+        seen = [Examined(replace(r, displacement_um=x), quality) for r, x, quality in pairs]
         return self._joined(len(self.train), self.test is not None, seen)
 
     @classmethod

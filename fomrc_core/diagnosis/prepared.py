@@ -19,7 +19,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.noise import NoiseFloor, known_noise
-from fomrc_core.records.quality import Slip, find_slips, lag_part
+from fomrc_core.records.quality import Slip, find_slips, without_lags
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
@@ -27,7 +27,9 @@ _N_TURNS = 12
 _BETTER = 0.98  # of a record's error: a turn that gains less is the last
 _MUCH_BETTER = 0.5  # of what a record's error was
 _N_LAG_TURNS = 4
-_THAN_A_LAG = 0.6  # of what lags of all kinds would leave
+_THAN_A_LAG = (
+    0.9  # of what lags of all kinds leave, the base fitted beside them: as sure as a fit to other noise would be
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +102,11 @@ def _left_by_lags(given: Prepared) -> list[float]:
 
     A base that was fitted to readings that lag has bent to them, and so have lags fitted to what it leaves.
     """
-    now, parts_um = given, [np.zeros(r.n_samples) for r in given.looked.records]
-    best_um = _errors(given.looked.records, given.residuals())
+    now, best_um = given, _errors(given.looked.records, given.residuals())
     for _ in range(_N_LAG_TURNS):
         pairs = zip(now.looked.records, now.residuals(), strict=True)
-        more_um = [lag_part(r.measured_um, r.measured_um - left, r.valid_samples) for r, left in pairs]
-        parts_um = [part + more for part, more in zip(parts_um, more_um, strict=True)]
-        now = Prepared.of(given.looked.less(parts_um))
+        back_um = [without_lags(r.measured_um, r.measured_um - left, r.valid_samples) for r, left in pairs]
+        now = Prepared.of(now.looked.reading(back_um))
         best_um = [min(pair) for pair in zip(best_um, _errors(now.looked.records, now.residuals()), strict=True)]
     return best_um
 

@@ -8,7 +8,7 @@ from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.long_record import examine_long
-from fomrc_core.records.quality.slips import Slip, find_slips, lag_part, without_slips
+from fomrc_core.records.quality.slips import Slip, find_slips, without_lags, without_slips
 
 __all__ = [
     "DataFault",
@@ -23,7 +23,7 @@ __all__ = [
     "examine_long",
     "examine_residual",
     "find_slips",
-    "lag_part",
     "noisy_end",
+    "without_lags",
     "without_slips",
 ]

@@ -2,12 +2,12 @@
 
 Where readings are early by whole samples, what a model leaves of them is the motion of so many samples:
 
-    residual = sum_i n_i rate 1[sample >= k_i] + what it would leave,   rate the predicted motion of a sample, n_i = +-1
+    residual[k] = predicted[k + n_k] - predicted[k] + what it would leave,   n_k = sum_i n_i 1[k >= k_i],   n_i = +-1
 
 An offset of the whole record, a constant delay and a gain are a model's to take up, and are taken out first. What is
 left is searched for one slip after another, each moved to where it explains most beside the others. A clock that drifts
-and a stage that lags are no slips: they move readings by all parts of a sample, and ``lag_part`` says what
-they would explain.
+and a stage that lags are no slips: they move readings by all parts of a sample, and ``without_lags`` says what
+they would leave.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.records.noise import autocorrelation_inflation
@@ -71,17 +72,26 @@ def find_slips(displacement_um: Array, predicted_um: Array, valid: Mask) -> tupl
     return tuple(Slip(sample, n) for sample, n in sorted(total.items()) if n != 0)
 
 
-def lag_part(displacement_um: Array, predicted_um: Array, valid: Mask) -> Array:
-    """Return what lags explain of the readings that count [um], shape (n_samples,); arguments as ``find_slips``.
+def without_lags(displacement_um: Array, predicted_um: Array, valid: Mask) -> Array:
+    """Return the readings without what lags explain of them [um], shape (n_samples,); arguments as ``find_slips``.
 
-    Readings may lag by a parabola of time, as with a clock that drifts, and with the acceleration and its change, as
-    behind whatever is slow or rings.
+    Readings may be late by a parabola of time, as with a clock that drifts, and lag with the acceleration and its
+    change, as behind whatever is slow or rings. Those that are late are moved to where they belong, to first order in
+    what a model leaves of them: asked again, it leaves what is left.
     """
     time, rate_um = np.linspace(-1.0, 1.0, predicted_um.size), np.gradient(predicted_um)
     bent_um = np.gradient(rate_um)
-    others = (time * rate_um, time**2 * rate_um, bent_um, np.gradient(bent_um))
-    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, others)
-    return np.asarray(fit.residual_um - fit.left([]))
+    late_um = np.column_stack((rate_um, time * rate_um, time**2 * rate_um))
+    slow_um = np.column_stack((bent_um, np.gradient(bent_um)))
+    beside_um = np.column_stack((np.ones(predicted_um.size), predicted_um - np.mean(predicted_um)))
+    columns = np.hstack((late_um, slow_um, beside_um))
+    scale = np.linalg.norm(columns[valid], axis=0)
+    scale[scale == 0.0] = np.inf
+    weights = np.linalg.lstsq(columns[valid] / scale, (displacement_um - predicted_um)[valid], rcond=None)[0] / scale
+    sample = np.arange(predicted_um.size, dtype=np.float64)
+    late = -(weights[0] + weights[1] * time + weights[2] * time**2)
+    back_um = np.interp(sample + late, sample[valid], displacement_um[valid])
+    return np.asarray(back_um - slow_um @ weights[3:5])
 
 
 def without_slips(recording: Recording, slips: Sequence[Slip]) -> Examined:
@@ -116,38 +126,47 @@ def without_slips(recording: Recording, slips: Sequence[Slip]) -> Examined:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A residual, the motion of a sample, and what else may be in it, all zero where readings do not count."""
+    """A residual, what is predicted, and what else may be in the residual; zero where readings do not count."""
 
     residual_um: Array
+    predicted_um: Array
     rate_um: Array
     aside: Array
-    powers: Array
+    valid: Mask
 
     @classmethod
-    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask, beside: Sequence[Array] = ()) -> _Fit:
+    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask) -> _Fit:
         rate_um = np.gradient(predicted_um)
-        moved_um = predicted_um - np.mean(predicted_um)
-        others = [np.ones(predicted_um.size), moved_um, rate_um, *beside]
+        # a delay is the rate to first order and the acceleration to second
+        others = [np.ones(predicted_um.size), predicted_um - np.mean(predicted_um), rate_um, np.gradient(rate_um)]
         aside, _ = np.linalg.qr(np.column_stack(others) * valid[:, None])
-        rate_um = rate_um * valid
-        powers = _from_here_on(rate_um**2) - np.sum(_from_here_on(aside * rate_um[:, None]) ** 2, axis=1)
-        return cls((residual_um - np.mean(residual_um[valid])) * valid, rate_um, aside, powers)
+        return cls((residual_um - np.mean(residual_um[valid])) * valid, predicted_um, rate_um, aside, valid)
+
+    def _read(self, units: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+        """Return which sample each reading is of where readings slipped so, shape (n_samples,)."""
+        n_early = np.zeros(self.rate_um.size, dtype=np.int64)
+        for sample, sign in units:
+            n_early[sample:] += sign
+        return np.clip(np.arange(n_early.size) + n_early, 0, n_early.size - 1)
 
     def left(self, units: Sequence[tuple[int, int]]) -> Array:
         """Return what slips of one sample each leave, shape (n_samples,)."""
-        n_early = np.zeros(self.rate_um.size)
-        for sample, sign in units:
-            n_early[sample:] += sign
-        rest = self.residual_um - n_early * self.rate_um
+        moved_um = self.predicted_um[self._read(units)] - self.predicted_um
+        rest = self.residual_um - moved_um * self.valid
         return np.asarray(rest - self.aside @ (self.aside.T @ rest))
 
     def best(self, units: Sequence[tuple[int, int]]) -> tuple[int, int]:
-        """Return place and sign of the slip that takes most beside others: a reader loses or doubles, not both."""
-        along = _from_here_on(self.rate_um * self.left(units))
-        is_weak = self.powers < _LEAST_POWER * float(np.sum(self.rate_um**2))
+        """Return place and sign of the slip that takes most beside others: a reader loses or doubles, not both.
+
+        One more is nearly the motion of a sample, taken where those others have the reading.
+        """
+        rate_um = self.rate_um[self._read(units)] * self.valid
+        powers = _from_here_on(rate_um**2) - np.sum(_from_here_on(self.aside * rate_um[:, None]) ** 2, axis=1)
+        along = _from_here_on(rate_um * self.left(units))
+        is_weak = powers < _LEAST_POWER * float(np.sum(rate_um**2))
         found = []
         for sign in {sign for _, sign in units} or (-1, 1):
-            change = np.where(is_weak, 0.0, self.powers - 2.0 * sign * along)
+            change = np.where(is_weak, np.inf, powers - 2.0 * sign * along)
             place = int(np.argmin(change))
             found.append((float(change[place]), place, sign))
         return min(found)[1:]
