@@ -147,7 +147,7 @@ class _Fit:
         n_early = np.zeros(self.rate_um.size, dtype=np.int64)
         for sample, sign in units:
             n_early[sample:] += sign
-        return np.clip(np.arange(n_early.size) + n_early, 0, n_early.size - 1)
+        return np.asarray(np.clip(np.arange(n_early.size) + n_early, 0, n_early.size - 1), dtype=np.int64)
 
     def left(self, units: Sequence[tuple[int, int]]) -> Array:
         """Return what slips of one sample each leave, shape (n_samples,)."""
