@@ -13,6 +13,7 @@ from fomrc_core.fitting.memory_plan import Work, kept_samples
 from fomrc_core.fitting.steady_tones import SteadyTone
 from fomrc_core.fitting.structure_within import structure_within
 from fomrc_core.fitting.thinned_record import ThinnedRecord, thinned_records
+from fomrc_core.model.substeps import Substeps, parts_of_steps
 from fomrc_core.records.drive_outline import drive_outline
 from fomrc_core.records.quality import DataQuality, examine_long
 from fomrc_core.records.recording import Recording
@@ -137,21 +138,14 @@ class LongRecords:
             RecordingError: a record whose readings cannot be used.
         """
         n_given = sum(r.n_samples for r in recordings)
-        n_kept = kept_samples(n_given, work, max_memory_gb)
+        n_kept = kept_samples(n_given, work, max_memory_gb, _mean_parts(recordings))
         if n_kept is None:
             return None
         tell = tell or (lambda _share, _text: None)
         tell(0.0, f"looking over {n_given} samples")
         looked = [examine_long(record) for record in recordings]
         given = [e.recording for e in looked]
-        n_in_bin = _odd(-(-n_given // n_kept))
-        while n_in_bin > 1 and any(drive_outline(r.time_s, r.voltage_v, n_in_bin) is None for r in given):
-            n_in_bin = _odd(n_in_bin // 2 - 1) if n_in_bin > 3 else 1
-        share = min(1.0, n_in_bin * n_kept / n_given)
-        # rounding to odd numbers is no reason to leave any out
-        share = 1.0 if share > _NEARLY_ALL else share
-        if share < 1.0:
-            given = [_beginning(r, max(int(share * r.n_samples), 2)) for r in given]
+        n_in_bin, share, given = _short_enough(given, n_kept)
         tell(0.01, "first fit, and what it leaves averaged")
         return cls(
             thinned_records(tuple(given), n_in_bin, work.substeps), tuple(e.quality for e in looked), share, n_given
@@ -214,8 +208,36 @@ class LongRecords:
 _NEARLY_ALL = 0.9
 
 
+def _mean_parts(recordings: Sequence[Recording]) -> float:
+    """Return into how many parts a fit that divides steps divides them, on average."""
+    parts = 0
+    for recording in recordings:
+        change_v = np.diff(recording.voltage_v, prepend=recording.voltage_v[:1])
+        parts += int(np.sum(parts_of_steps(change_v, 0.5 * float(np.ptp(recording.voltage_v)), (), Substeps.BENDS)[0]))
+    return parts / sum(r.n_samples for r in recordings)
+
+
 def _odd(number: int) -> int:
     return number + 1 - number % 2
+
+
+def _short_enough(given: list[Recording], n_kept: int) -> tuple[int, float, list[Recording]]:
+    """Return samples of a bin, the share of the records that is kept, and their beginnings.
+
+    Bins are as long as the drives allow, of the records and of what is kept of them: an outline allows for some turns
+    a bin, and the beginning of a record may have more of them than the whole.
+    """
+    n_given = sum(r.n_samples for r in given)
+    n_in_bin = _odd(-(-n_given // n_kept))
+    while True:
+        share = min(1.0, n_in_bin * n_kept / n_given)
+        # rounding to odd numbers is no reason to leave any out
+        share = 1.0 if share > _NEARLY_ALL else share
+        kept = given if share == 1.0 else [_beginning(r, max(int(share * r.n_samples), 2)) for r in given]
+        tried = [*given, *kept] if share < 1.0 else given
+        if n_in_bin == 1 or all(drive_outline(r.time_s, r.voltage_v, n_in_bin) is not None for r in tried):
+            return n_in_bin, share, kept
+        n_in_bin = _odd(n_in_bin // 2 - 1) if n_in_bin > 3 else 1
 
 
 def _beginning(recording: Recording, n: int) -> Recording:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fomrc_core.effects import effect_classes
 from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.long_records import LongRecords
 from fomrc_core.fitting.memory_plan import DIAGNOSING, IDENTIFYING, kept_samples
 from fomrc_core.fitting.steady_tones import steady_tones
 from fomrc_core.fitting.structure_within import is_calmer, structure_within
@@ -138,9 +141,24 @@ def test_a_first_fit_with_the_effect_that_acts_leaves_less_within_the_bins():
 
 
 def test_memory_says_how_many_samples_are_kept():
-    assert kept_samples(100_000, DIAGNOSING, 2.0) is None
-    assert kept_samples(100_001, DIAGNOSING, 2.0) == DIAGNOSING.n_kept
+    assert kept_samples(250_000, DIAGNOSING, 2.0, n_parts=2.5) is None
+    assert kept_samples(250_001, DIAGNOSING, 2.0, n_parts=2.5) == DIAGNOSING.n_kept
+    assert kept_samples(150_000, DIAGNOSING, 2.0) is None
+    assert kept_samples(200_000, DIAGNOSING, 2.0) == DIAGNOSING.n_kept, "of a drive that jumps with each sample"
     assert kept_samples(250_000, IDENTIFYING, 2.0) is None
     assert kept_samples(10_000_000, DIAGNOSING, 2.0) < 2e9 / DIAGNOSING.bytes_per_sample
     with pytest.raises(ParameterError, match=r"max_memory_gb: too little memory for 10000000 samples.* GB or more"):
         kept_samples(10_000_000, DIAGNOSING, 1.0)
+
+
+def test_a_record_whose_beginning_turns_in_every_bin_is_thinned_less_and_not_refused():
+    # three hundred turns are few of the whole record, and many of the fifth of it that is kept with bins of three
+    fast_v = np.resize([0.0, 2.0], 300)
+    slow_v = 2.0 * np.sin(np.arange(29_700) * 1e-3)
+    voltage_v = np.concatenate((fast_v, slow_v))
+    noise_um = np.random.default_rng(1).normal(0.0, 1e-3, voltage_v.size)
+    record = Recording(np.arange(voltage_v.size) / RATE_HZ, voltage_v, 0.5 * voltage_v + noise_um)
+    work = replace(DIAGNOSING, n_whole_max=1_000, n_kept=2_000)
+    records = LongRecords.of([record], work, 2.0)
+    assert records is not None
+    assert all(0 < r.n_samples <= 3_000 for r in records.recordings)
