@@ -15,7 +15,6 @@ from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 
-_REACHES = (0.35, 1.0)  # of the largest displacement: domains that all switch at a third of it, or never all
 _N_PLAYS = 12  # of the switching part: twice as many change it by less than a hundredth
 
 
@@ -152,9 +151,6 @@ class AmplitudeDependentCreep(Effect):
         onsets_s = (step_s, 20.0 * step_s, 0.02 * evidence.duration_s)
         sizes: tuple[dict[str, float], ...] = (
             {"per_decade_per_um": 1e-3 / stroke_um},
-            *(
-                {"per_decade_per_um": 0.0, "switched_per_decade": 1e-3, "reach_um": share * reach_um}
-                for share in _REACHES
-            ),
+            {"per_decade_per_um": 0.0, "switched_per_decade": 1e-3, "reach_um": reach_um},
         )
         return cls.proposed({**size, "onset_s": onset} for size in sizes for onset in onsets_s)
