@@ -12,6 +12,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
+from fomrc_core.diagnosis.wander import innovations, wander_root
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -128,9 +129,9 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
 def whitened_margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
     """Return the margin where the noise is whitened, in log likelihood [1].
 
-    The noise is what the winner leaves of the training data, an autoregressive process, and each candidate is as likely
-    as what it leaves is small once that is whitened: noise that wanders hides nothing of what is quick, and what
-    wanders as it does says nothing.
+    The noise is what the winner leaves of the training data, a random walk beside an autoregressive process, and each
+    candidate is as likely as what it leaves is small once that is whitened: noise that wanders hides nothing of what is
+    quick, and what wanders as it does says nothing.
     """
     margins = [_likelier_by(winner, winner.before, winner.held_before, split)]
     for other in candidates:
@@ -145,7 +146,9 @@ def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence
         [v[r.is_used] - np.mean(v[r.is_used]) for v, r in zip(left, split.train, strict=True)]
         for left in (winner.fitted.residual, train_um)
     )
-    noise = burg(own_um, _MOST_ORDER)
+    # a process of some orders knows nothing of what wanders below white noise
+    root = wander_root(own_um)
+    noise = burg([innovations(values, root) for values in own_um], _MOST_ORDER)
     if not noise.innovation_um2 > 0.0:
         return math.nan
     compared = [(own_um, others_um)]
@@ -153,7 +156,7 @@ def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence
         compared += [([a], [b]) for a, b in zip(winner.held, held_um, strict=True) if a.size == b.size]
     margin = 0.0
     for mine, its in compared:
-        white, left = ([noise.whiten(values) for values in stretches] for stretches in (mine, its))
+        white, left = ([noise.whiten(innovations(v, root)) for v in stretches] for stretches in (mine, its))
         n_independent = sum(v.size for v in white) / max(autocorrelation_inflation(v) for v in white)
         powers = [max(sum(float(v @ v) for v in many), 1e-300) for many in (left, white)]
         margin += 0.5 * n_independent * math.log(powers[0] / powers[1])

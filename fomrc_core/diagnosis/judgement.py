@@ -116,7 +116,8 @@ def judge(
     undriven_um = after_um * math.sqrt(1.0 - share)
     noise_um = floor_um if sees_slow_noise else max(floor_um, undriven_um)
     reasons = []
-    if share > _NEGLIGIBLE_SHARE:
+    # weights learned from noise that is correlated with itself err, and that follows the drive, however right the model
+    if share > _NEGLIGIBLE_SHARE + excess / (1.0 + excess):
         worst = max(sure, key=lambda d: d.share)
         reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
     expected_um = floor_um * math.sqrt(1.0 + excess)

@@ -27,6 +27,7 @@ from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -178,7 +179,7 @@ def _asked(
         by_cause = worth_a_refit(present, split, screened)
         tier = refitted(present, split, by_cause, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
-        accepted = next((c for c in tier if is_accepted(c, n_causes)), None)
+        accepted = next((c for c in tier if is_accepted(c, n_causes) and _is_no_wander(c, split)), None)
         if accepted is not None:
             likeliest = likelier(accepted, candidates, split, n_causes)
             return candidates, (state, simplest(likeliest, candidates, split, n_causes))
@@ -187,6 +188,10 @@ def _asked(
         if not asked or state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
             break
     return candidates, None
+
+
+def _is_no_wander(candidate: Candidate, split: DataSplit) -> bool:
+    return gain_beyond_wander(candidate.fitted.model, candidate.cause, split) > SURE
 
 
 def _with_pair(
@@ -201,7 +206,7 @@ def _with_pair(
     """Return a second candidate to accept, and the state with the first of the pair, where one alone does not do."""
     # Many arguments: one move of a search.
     pair = _second_of_pair(state.model, first, split, wanted, executor)
-    if pair is None or not is_accepted(pair[1], n_causes):
+    if pair is None or not is_accepted(pair[1], n_causes) or not _is_no_wander(pair[1], split):
         return None
     first, second = pair
     steps = (*state.steps, Step(state.model, replace(first, score=second.score), (), ()))
