@@ -12,7 +12,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.wander import innovations, wander_root
+from fomrc_core.diagnosis.wander import wander_of
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -147,8 +147,8 @@ def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence
         for left in (winner.fitted.residual, train_um)
     )
     # a process of some orders knows nothing of what wanders below white noise
-    root = wander_root(own_um)
-    noise = burg([innovations(values, root) for values in own_um], _MOST_ORDER)
+    wander = wander_of(own_um, winner.fitted.model.weights.size + 1)
+    noise = burg([wander.innovations(values) for values in own_um], _MOST_ORDER)
     if not noise.innovation_um2 > 0.0:
         return math.nan
     compared = [(own_um, others_um)]
@@ -156,7 +156,7 @@ def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence
         compared += [([a], [b]) for a, b in zip(winner.held, held_um, strict=True) if a.size == b.size]
     margin = 0.0
     for mine, its in compared:
-        white, left = ([noise.whiten(innovations(v, root)) for v in stretches] for stretches in (mine, its))
+        white, left = ([noise.whiten(wander.innovations(v)) for v in stretches] for stretches in (mine, its))
         n_independent = sum(v.size for v in white) / max(autocorrelation_inflation(v) for v in white)
         powers = [max(sum(float(v @ v) for v in many), 1e-300) for many in (left, white)]
         margin += 0.5 * n_independent * math.log(powers[0] / powers[1])

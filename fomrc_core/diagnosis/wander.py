@@ -2,9 +2,10 @@
 
 Plays and creep, fitted by least squares, bend after a sensor that wanders, and beside a drift they need not: most of
 what is left is then gone with the drift, in every block of the record, and none of it shows that anything drifts. The
-question is whether the model needs the cause once the noise may wander as it likes. Model with and without it are both
-fitted to what the noise, a random walk beside white noise of any share, does not know of a sample before it comes
-(generalized least squares; Harvey, "Forecasting, structural time series models and the Kalman filter", 1989, ch. 4).
+question is whether the model needs the cause beside noise that wanders as what is left with the cause does. With and
+without it the model is fitted to what such noise does not know of a sample before it comes (generalized least squares;
+Harvey, "Forecasting, structural time series models and the Kalman filter", 1989, ch. 4). The noise is one that forgets,
+at any rate or never (a first-order process, in the limit a random walk), beside white noise of any share.
 """
 
 from __future__ import annotations
@@ -23,10 +24,14 @@ from fomrc_core.fitting.linear_part import residuals, tangent
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.noise import autocorrelation_inflation
 
-# Of a walk seen through white noise the moving-average root: 0 a walk alone, 1 white noise alone. Between two of these
-# the share that wanders changes by a factor of two, within which a likelihood hardly changes.
-_ROOTS = (0.0, *(1.0 - np.geomspace(0.7, 1.0 / 512.0, 17)), 1.0)
-_MOST_TURNS = 4  # of fit and root after each other: mostly the second finds the root it had
+# What noise forgets from one sample to the next, 0 of a walk; between two of these a likelihood hardly changes.
+_FORGOTTEN = (0.0, *np.geomspace(1.0 / 4096.0, 0.7, 13))
+# The same of the moving average that white noise beside it makes: by factors of two in the share that wanders.
+_AVERAGED = (*np.geomspace(1.0 / 512.0, 0.7, 17), 1.0)
+_FILTERS = ((1.0, 1.0), *((f, a) for f in _FORGOTTEN for a in _AVERAGED if a > f))
+# How often in a record noise forgets for each direction a fit can move in, if it is known to forget at all: every
+# direction takes what is as slow as itself from noise that wanders, and what is left of a walk seems to forget.
+_TIMES_PER_DIRECTION = 10.0
 _SHORTEST = 16  # samples of a stretch: of fewer the filter's beginning is much
 _ROWS_TOGETHER = 1 << 15  # filtered at a time: some tens of megabytes for a hundred columns
 
@@ -42,24 +47,49 @@ def gain_beyond_wander(model: TrialModel, cause: str, split: DataSplit) -> float
         cause: its name.
         split: records, of which the training ones are asked.
     """
-    with_it, without = _innovations(model, split), _innovations(model.without(cause), split)
-    n_independent = with_it.n_samples / max(with_it.inflation, 1.0)
+    masks = [record.is_used for record in split.train]
+    left_um = residuals(model, split.train)
+    noise = wander_of([u[mask] for u, mask in zip(left_um, masks, strict=True)], model.weights.size + 1)
+    with_it, without = (_innovations(one, split, noise) for one in (model, model.without(cause)))
     if with_it.power_um2 <= 0.0:
         return math.inf
+    n_independent = with_it.n_samples / max(with_it.inflation, 1.0)
     added = max(with_it.rank - without.rank, 0)
     return 0.5 * n_independent * math.log(without.power_um2 / with_it.power_um2) - 0.5 * added
 
 
-def wander_root(values_um: Sequence[Array]) -> float:
-    """Return the moving-average root with which least of contiguous values [um] is unforeseen: 1 of white noise."""
-    masks = [np.ones(values.size, dtype=np.bool_) for values in values_um]
-    return float(min(_ROOTS, key=lambda trial: _mean_square(_unforeseen(values_um, masks, trial))))
+@dataclass(frozen=True)
+class Wander:
+    """How noise wanders: a first-order process beside white noise, told as a filter of its innovations.
+
+    Attributes:
+        pole: what is left of it after a sample [1]: 1 of a random walk.
+        zero: root of the moving average that white noise beside it makes [1], at most the pole; equal to it where the
+            noise is white.
+    """
+
+    pole: float
+    zero: float
+
+    def innovations(self, values: Array) -> Array:
+        """Return what of contiguous values could not be foreseen, the first left out, shape (n_samples - 1, ...)."""
+        parts = list(_filtered(values, np.ones(len(values), dtype=np.bool_), self))
+        return np.concatenate(parts) if parts else values[:0]
 
 
-def innovations(values_um: Array, root: float) -> Array:
-    """Return what of contiguous values [um] could not be foreseen, one fewer where noise wanders (root below 1)."""
-    parts = list(_filtered(values_um, np.ones(values_um.size, dtype=np.bool_), root))
-    return np.concatenate(parts) if parts else values_um[:0]
+def wander_of(values_um: Sequence[Array], n_directions: int) -> Wander:
+    """Return the noise of which least is unforeseen of what a fit left.
+
+    What forgets too slowly for a fit to leave it as it was is told as a walk.
+
+    Args:
+        values_um: what a fit left, contiguous stretches [um].
+        n_directions: number of directions it could move in.
+    """
+    centred_um = [values - np.mean(values) for values in values_um]
+    least_forgotten = _TIMES_PER_DIRECTION * n_directions / max(1, sum(values.size for values in values_um))
+    told = [Wander(1.0 - f, 1.0 - a) for f, a in _FILTERS if f == 0.0 or f >= least_forgotten]
+    return min(told, key=lambda noise: _mean_square([noise.innovations(values) for values in centred_um]))
 
 
 @dataclass(frozen=True)
@@ -72,45 +102,40 @@ class _Innovations:
     rank: int
 
 
-def _innovations(model: TrialModel, split: DataSplit) -> _Innovations:
+def _innovations(model: TrialModel, split: DataSplit, noise: Wander) -> _Innovations:
     left_um = residuals(model, split.train)
     directions = with_effects(tangent(model, split.train), model, split.train)
     masks = [record.is_used for record in split.train]
-    root, fits = 1.0, list[tuple[_Innovations, float]]()
-    for _ in range(_MOST_TURNS):
-        change, rank = _least_squares(left_um, directions.columns, masks, root)
-        rest_um = [u - columns @ change for u, columns in zip(left_um, directions.columns, strict=True)]
-        own = _unforeseen(rest_um, masks, root)
-        fits.append((_summary(own, rank), root))
-        best = min(_ROOTS, key=lambda trial: _mean_square(_unforeseen(rest_um, masks, trial)))
-        if any(best == asked for _, asked in fits):
-            break
-        root = best
-    return min((fit for fit, _ in fits), key=lambda fit: fit.power_um2)
+    # the offset of a record is not known, and not the mean where noise wanders
+    columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, _offsets(masks), strict=True)]
+    change, rank = _least_squares(left_um, columns, masks, noise)
+    rest_um = [u - rows @ change for u, rows in zip(left_um, columns, strict=True)]
+    own = _unforeseen(rest_um, masks, noise)
+    inflation = max((autocorrelation_inflation(part) for part in own), default=1.0)
+    return _Innovations(_mean_square(own), sum(part.size for part in own), inflation, rank)
+
+
+def _offsets(masks: Sequence[Mask]) -> list[Array]:
+    return [np.tile(np.arange(len(masks)) == at, (mask.size, 1)).astype(np.float64) for at, mask in enumerate(masks)]
 
 
 def _least_squares(
-    left_um: Sequence[Array], columns: Sequence[Array], masks: Sequence[Mask], root: float
+    left_um: Sequence[Array], columns: Sequence[Array], masks: Sequence[Mask], noise: Wander
 ) -> tuple[Array, int]:
     """Return the change along the columns that leaves the least innovations, and how many directions have a say."""
     parts = (
         (part[:, :-1], part[:, -1], np.ones(len(part), dtype=np.bool_))
         for u, rows, mask in zip(left_um, columns, masks, strict=True)
-        for part in _filtered(np.column_stack((rows, u)), mask, root)
+        for part in _filtered(np.column_stack((rows, u)), mask, noise)
     )
     equations = normal_equations(parts)
     whitening = whitening_of(equations.gram)
     return np.asarray(whitening @ (whitening.T @ equations.moment)), int(whitening.shape[1])
 
 
-def _unforeseen(values_um: Sequence[Array], masks: Sequence[Mask], root: float) -> list[Array]:
-    parts = [np.concatenate(list(_filtered(v, m, root)) or [v[:0]]) for v, m in zip(values_um, masks, strict=True)]
+def _unforeseen(values_um: Sequence[Array], masks: Sequence[Mask], noise: Wander) -> list[Array]:
+    parts = [np.concatenate(list(_filtered(v, m, noise)) or [v[:0]]) for v, m in zip(values_um, masks, strict=True)]
     return [part for part in parts if part.size]
-
-
-def _summary(innovations: Sequence[Array], rank: int) -> _Innovations:
-    inflation = max((autocorrelation_inflation(part) for part in innovations), default=1.0)
-    return _Innovations(_mean_square(innovations), sum(part.size for part in innovations), inflation, rank)
 
 
 def _mean_square(innovations: Sequence[Array]) -> float:
@@ -118,20 +143,16 @@ def _mean_square(innovations: Sequence[Array]) -> float:
     return sum(float(part @ part) for part in innovations) / n if n else 0.0
 
 
-def _filtered(values: Array, mask: Mask, root: float) -> Iterator[Array]:
-    """Yield the innovations of each stretch of used samples, so many rows at a time."""
+def _filtered(values: Array, mask: Mask, noise: Wander) -> Iterator[Array]:
+    """Yield the innovations of each stretch of used samples but for its first, so many rows at a time."""
     from scipy.signal import lfilter  # a second to import, which no node that only drives shall wait for
 
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(mask).astype(np.int8), [0]))))
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         if stop - start < _SHORTEST:
             continue
-        stretch = values[start:stop]
-        if root >= 1.0:
-            yield stretch - np.mean(stretch, axis=0)
-            continue
         state = np.zeros((1, *values.shape[1:]))
-        for at in range(0, stop - start - 1, _ROWS_TOGETHER):
-            steps = np.diff(stretch[at : at + _ROWS_TOGETHER + 1], axis=0)
-            filtered, state = lfilter([1.0], [1.0, -root], steps, axis=0, zi=state)
+        for at in range(start, stop - 1, _ROWS_TOGETHER):
+            rows = values[at : min(at + _ROWS_TOGETHER + 1, stop)]
+            filtered, state = lfilter([1.0], [1.0, -noise.zero], rows[1:] - noise.pole * rows[:-1], axis=0, zi=state)
             yield filtered

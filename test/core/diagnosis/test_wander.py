@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
-from fomrc_core.diagnosis.wander import gain_beyond_wander, innovations, wander_root
+from fomrc_core.diagnosis.wander import Wander, gain_beyond_wander, wander_of
 from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.fitting.fit_record import FitRecord
@@ -90,16 +90,27 @@ def test_the_root_of_a_walk_seen_through_noise_is_that_of_theory(share):
     n = 200_000
     values = np.cumsum(noise.normal(0.0, math.sqrt(share), n)) + noise.normal(0.0, 1.0, n)
     expected = 1.0 + 0.5 * share - math.sqrt(share + 0.25 * share**2)
-    assert 1.0 - wander_root([values]) == pytest.approx(1.0 - expected, rel=0.35)
+    found = wander_of([values], 1)
+    assert found.pole == pytest.approx(1.0, abs=1e-3)
+    assert 1.0 - found.zero == pytest.approx(1.0 - expected, rel=0.35)
 
 
-def test_white_noise_has_a_root_of_one_and_a_walk_alone_one_of_nought():
+@pytest.mark.parametrize("pole", [0.5, 0.9, 0.99])
+def test_noise_that_forgets_is_no_walk(pole):
+    new = np.random.default_rng(8).normal(0.0, 1.0, 50_000)
+    found = wander_of([lfilter([1.0], [1.0, -pole], new)], 1)
+    assert 1.0 - found.pole == pytest.approx(1.0 - pole, rel=0.5)
+    assert found.zero < 0.35  # no white noise beside it
+
+
+def test_of_white_noise_nothing_is_foreseen_and_of_a_walk_alone_all_but_its_steps():
     noise = np.random.default_rng(4).normal(0.0, 1.0, 20_000)
-    assert wander_root([noise]) == 1.0
-    assert wander_root([np.cumsum(noise)]) == 0.0
+    white, walk = wander_of([noise], 1), wander_of([np.cumsum(noise)], 1)
+    assert np.std(white.innovations(noise)) == pytest.approx(np.std(noise), rel=2e-3)
+    assert (walk.pole, walk.zero) == (pytest.approx(1.0, abs=1e-3), 0.0)
 
 
 def test_innovations_of_many_rows_are_those_of_one_filter():
     values = np.random.default_rng(6).normal(0.0, 1.0, 100_000)
     whole = lfilter([1.0], [1.0, -0.9], np.diff(values))
-    assert np.allclose(innovations(values, 0.9), whole, rtol=0.0, atol=1e-12)
+    assert np.allclose(Wander(1.0, 0.9).innovations(values), whole, rtol=0.0, atol=1e-12)
