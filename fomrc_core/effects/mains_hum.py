@@ -11,7 +11,7 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.kernels import elapsed_times
-from fomrc_core.effects.base.spectra import Spectrum, belongs_to_drive, drive_lines
+from fomrc_core.effects.base.spectra import DriveLines, Spectrum
 from fomrc_core.effects.base.step_form import CLOCK_FIELDS, Fields, Number, StepForm, clock_after
 
 _AMPLITUDES = ("amplitude_um", "second_amplitude_um", "third_amplitude_um")
@@ -102,9 +102,8 @@ class MainsHum(Effect):
         return {"amplitude_um": float(np.sqrt(2.0) * rms_um)}
 
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
-        """Return whether the tone is apart from every line of the record's drive and its harmonics."""
-        step_s = float(np.median(np.diff(time_s)))
-        return not belongs_to_drive(self.frequency_hz, [drive_lines(voltage_v, step_s)])
+        """Return whether the tone is apart from every line of the record's drive."""
+        return not DriveLines.of(voltage_v, float(np.median(np.diff(time_s)))).has(self.frequency_hz)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
@@ -124,16 +123,24 @@ class MainsHum(Effect):
     def screening(cls, evidence: Evidence) -> list[MainsHum]:
         """Return the strongest lines of the residual's spectrum, with their harmonics, each with amplitude and phase.
 
-        No line within the resolution of one of a drive or its harmonics is tried, whichever record has that drive:
-        what is left of hysteresis there is no tone of its own.
+        No line within the resolution of one of a drive is tried, nor of its harmonics unless it is higher than any
+        hysteresis makes them, whichever record has that drive: what is left of hysteresis there is no tone of its own.
         """
         record = max(evidence.records, key=lambda r: r.time_s.size)
         spectrum = Spectrum.of(record.residual_um, float(np.median(record.steps_s)))
         lines_hz = spectrum.lines(_LEAST_CYCLES * spectrum.resolution_hz, _N_LINES)
         if not lines_hz:
             return []
-        drives = [drive_lines(r.voltage_v, float(np.median(r.steps_s))) for r in (*evidence.records, *evidence.beside)]
-        lines_hz = [line for line in lines_hz if not belongs_to_drive(line, drives)]
+        drives = [
+            DriveLines.of(r.voltage_v, float(np.median(r.steps_s))) for r in (*evidence.records, *evidence.beside)
+        ]
+        gain = float(np.ptp(record.predicted_um)) / max(float(np.ptp(record.voltage_v)), 1e-300)
+        heights_um = np.interp(lines_hz, spectrum.frequency_hz, spectrum.amplitude)
+        lines_hz = [
+            line
+            for line, height_um in zip(lines_hz, heights_um, strict=True)
+            if not any(drive.may_reach(line, float(height_um), gain) for drive in drives)
+        ]
         trials: list[dict[str, float]] = []
         for line in lines_hz:
             harmonics = _harmonics_with(line, lines_hz, spectrum.resolution_hz)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from fomrc_core.compute.arrays import Array, ComplexArray
-from fomrc_core.effects.base.spectra import belongs_to_drive, drive_lines
+from fomrc_core.effects.base.spectra import DriveLines
 
 _N_TONES_MAX = 6
 _N_CANDIDATES = 16  # lines looked at for each tone: turns of the drive leave lines as well
@@ -75,7 +75,7 @@ def steady_tones(record: str, left_um: Array, step_s: float, drive_v: Array, dri
     if left_um.size < _N_STRETCHES * n_stretch:
         return []
     left_um = np.asarray(left_um - np.mean(left_um), dtype=np.float64)
-    lines: tuple[Array, float] | None = None
+    lines: DriveLines | None = None
     found: list[SteadyTone] = []
     while len(found) < _N_TONES_MAX:
         stretches = left_um[: left_um.size // n_stretch * n_stretch].reshape(-1, n_stretch)
@@ -83,8 +83,9 @@ def steady_tones(record: str, left_um: Array, step_s: float, drive_v: Array, dri
             tone = _steady(record, stretches, step_s, frequency_hz)
             if tone is None:
                 continue
-            lines = lines or drive_lines(drive_v, drive_step_s)
-            if not belongs_to_drive(tone.frequency_hz, [lines]):
+            lines = lines or DriveLines.of(drive_v, drive_step_s)
+            # whatever its height: what is left of a record of millions of samples is seen far below hysteresis
+            if not lines.may_reach(tone.frequency_hz, 0.0, 1.0):
                 break
         else:
             break

@@ -29,6 +29,8 @@ _ORDER = 8  # differences of this order leave little of a motion of ten samples 
 _N_TAPS = 256
 # Nobody sweeps a stage eight times and more at minutes a sweep, with many samples in each, without saying so.
 _SLOW_SWEEP_S, _N_SLOW_SWEEPS, _N_IN_SWEEP = 60.0, 8, 50
+# A rate that would be above 10 kHz, were time in ms: few record a stage so fast, and slow motion often so.
+_FAST_SAMPLED_HZ = 10.0
 
 
 def summary_line(recording: Recording) -> str:
@@ -96,6 +98,8 @@ def _of_units(gain: float) -> list[str]:
 def _of_time(record: Recording) -> list[str]:
     n_sweeps = turning_points(record.voltage_v, _TURN * float(np.ptp(record.voltage_v))).size - 1
     if n_sweeps < _N_SLOW_SWEEPS or record.n_samples < _N_IN_SWEEP * n_sweeps:
+        return []
+    if record.sample_period_s < 1.0 / _FAST_SAMPLED_HZ:
         return []
     sweep_s = record.duration_s / n_sweeps
     return (

@@ -7,7 +7,6 @@ beforehand, whatever the sampling.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,30 +101,49 @@ class Spectrum:
 
 # Beside standing out:
 _LEAST_SHARE = 0.01  # of the drive's power in one cell: a sine, a multisine of some lines; no sweep and no noise
-# A play bends the response at corners, so that harmonics of the drive fall with their number squared; farther out
-# they are below a four-hundredth of the first, and no line.
-_N_DRIVE_HARMONICS = 20
+# A play bends the response at corners, so that harmonics of the drive fall with their number squared, and all of
+# hysteresis is no more than this share of a stroke: what is higher at a harmonic is none, however much is left.
+_HARMONIC_SHARE = 0.3
+_N_DRIVE_HARMONICS = 20  # farther out they are below a thousandth of the first
 
 
-def drive_lines(voltage_v: Array, step_s: float) -> tuple[Array, float]:
-    """Return the frequencies a drive keeps up all through a record [Hz], and the record's resolution [Hz].
+@dataclass(frozen=True, eq=False)
+class DriveLines:
+    """The frequencies a drive keeps up all through a record.
 
-    Args:
-        voltage_v: drive [V], shape (n_samples,).
-        step_s: sample period [s].
+    Attributes:
+        frequency_hz: of each [Hz], shape (n_lines,).
+        amplitude_v: of each [V], shape (n_lines,).
+        resolution_hz: one over the length of the record [Hz].
     """
-    spectrum = Spectrum.of(voltage_v, step_s)
-    inner = spectrum.amplitude[1:-1]
-    is_top = (inner >= spectrum.amplitude[:-2]) & (inner > spectrum.amplitude[2:])
-    is_line = is_top & (0.5 * inner**2 >= _LEAST_SHARE * float(np.var(voltage_v)))
-    is_line &= spectrum.standing()[1:-1] >= spectrum.least_standing
-    return spectrum.frequency_hz[1:-1][is_line], spectrum.resolution_hz
 
+    frequency_hz: Array
+    amplitude_v: Array
+    resolution_hz: float
 
-def belongs_to_drive(frequency_hz: float, drives: Iterable[tuple[Array, float]]) -> bool:
-    """Return whether a frequency [Hz] is within the resolution of a line of one of the drives or its harmonics."""
-    number = np.arange(1, _N_DRIVE_HARMONICS + 1)
-    return any(
-        lines_hz.size > 0 and bool(np.any(np.abs(lines_hz[:, None] * number - frequency_hz) <= resolution_hz))
-        for lines_hz, resolution_hz in drives
-    )
+    @classmethod
+    def of(cls, voltage_v: Array, step_s: float) -> DriveLines:
+        """Return the lines of a drive [V], shape (n_samples,), sampled every ``step_s`` [s]."""
+        spectrum = Spectrum.of(voltage_v, step_s)
+        inner = spectrum.amplitude[1:-1]
+        is_top = (inner >= spectrum.amplitude[:-2]) & (inner > spectrum.amplitude[2:])
+        is_line = is_top & (0.5 * inner**2 >= _LEAST_SHARE * float(np.var(voltage_v)))
+        is_line &= spectrum.standing()[1:-1] >= spectrum.least_standing
+        return cls(spectrum.frequency_hz[1:-1][is_line], inner[is_line], spectrum.resolution_hz)
+
+    def has(self, frequency_hz: float) -> bool:
+        """Return whether a frequency is within the resolution of one of the lines."""
+        return bool(np.any(np.abs(self.frequency_hz - frequency_hz) <= self.resolution_hz))
+
+    def may_reach(self, frequency_hz: float, amplitude_um: float, gain_um_per_v: float) -> bool:
+        """Return whether a tone may be a line of the drive, or a harmonic that hysteresis makes of one.
+
+        Args:
+            frequency_hz: of the tone.
+            amplitude_um: of the tone.
+            gain_um_per_v: of the actuator.
+        """
+        number = np.arange(2, _N_DRIVE_HARMONICS + 1)
+        highest_um = _HARMONIC_SHARE * gain_um_per_v * self.amplitude_v[:, None] / number**2
+        is_near = np.abs(self.frequency_hz[:, None] * number - frequency_hz) <= self.resolution_hz
+        return self.has(frequency_hz) or bool(np.any(is_near & (highest_um >= amplitude_um)))

@@ -58,9 +58,14 @@ def _flat_end(x: Array, v: Array, noise: float, gain: float) -> tuple[np.ndarray
     level = float(np.median(x[near]))
     flat = np.abs(x - level) < _N_SIGMA * noise
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flat.astype(np.int8), [0]))))
+    arrivals = np.flatnonzero(np.diff(np.concatenate(([0], near.astype(np.int8)))) > 0)
     chosen = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        rises = float(np.max(v[start:stop]) - v[start]), float(np.max(v[start:stop]) - v[stop - 1])
+        # since the reading came up there: noise that leaves it for a moment begins no stretch of its own, in which a
+        # drive that turns again within a play would look as if it went on
+        arrival = int(arrivals[np.searchsorted(arrivals, start, side="right") - 1])
+        highest_v = float(np.max(v[start:stop]))
+        rises = min(highest_v - v[start], highest_v - v[arrival]), highest_v - float(v[stop - 1])
         # flat before the turn and behind it: plays are flat behind it only
         if stop - start >= _N_RUN_MIN and min(rises) * gain > 0.5 * _GONE_ON * noise:
             chosen.append(np.arange(start, stop))
