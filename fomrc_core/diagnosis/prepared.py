@@ -90,7 +90,8 @@ def _without_slips(given: Prepared) -> Prepared:
         now, slips = found
     if not any(slips):
         return given
-    after_um, lagging_um = _errors(now.looked.records, now.residuals()), _left_by_lags(given)
+    after_um = _errors(now.looked.records, now.residuals())
+    lagging_um = [min(pair) for pair in zip(_left_by_lags(given), _left_by_delays(given, slips), strict=True)]
     for i in range(len(slips)):
         if after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um[i]):
             slips[i] = ()
@@ -109,6 +110,13 @@ def _left_by_lags(given: Prepared) -> list[float]:
         now = Prepared.of(now.looked.reading(back_um))
         best_um = [min(pair) for pair in zip(best_um, _errors(now.looked.records, now.residuals()), strict=True)]
     return best_um
+
+
+def _left_by_delays(given: Prepared, slips: list[tuple[Slip, ...]]) -> list[float]:
+    """Return what is left of each record, rms [um], moved as a whole by as much as it slipped: a delay has no place."""
+    delays = [(Slip(0, sum(slip.n_lost for slip in own)),) if own else () for own in slips]
+    moved = Prepared.of(given.looked.without_slips(delays))
+    return _errors(moved.looked.records, moved.residuals())
 
 
 def _better_slips(

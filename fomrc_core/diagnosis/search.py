@@ -90,9 +90,9 @@ def search(
         if len(state.steps) < MAX_FINDINGS:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, len(causes), executor)
-            if chosen is None and candidates:
-                chosen = _with_pair(state, candidates[0], candidates, split, wanted, len(causes), executor)
-            elif chosen is not None:
+            if chosen is None:
+                chosen = _any_pair(state, candidates, split, wanted, len(causes), executor)
+            else:
                 chosen = _or_pair(chosen, state, candidates, split, wanted, len(causes), executor)
         if chosen is None:
             tell(share + 0.07, "other causes in the place of those found")
@@ -192,6 +192,29 @@ def _asked(
 
 def _is_no_wander(candidate: Candidate, split: DataSplit) -> bool:
     return gain_beyond_wander(candidate.fitted.model, candidate.cause, split) > SURE
+
+
+def _any_pair(
+    state: _SearchState,
+    candidates: list[Candidate],
+    split: DataSplit,
+    wanted: tuple[str, ...],
+    n_causes: int,
+    executor: Executor | None,
+) -> tuple[_SearchState, Candidate] | None:
+    """Return a second candidate to accept, and the state with a first, where no one alone does.
+
+    The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
+    may do worse than none on held-out data, that show more of the other.
+    """
+    # Many arguments: one move of a search.
+    told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and c.train_log_gain > _SPEAKS_UP]
+    told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
+    for first in (*candidates[:1], *told):
+        pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
+        if pair is not None:
+            return pair
+    return None
 
 
 def _with_pair(
@@ -305,7 +328,8 @@ def _second_of_pair(
     model: TrialModel, first: Candidate, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
 ) -> tuple[Candidate, Candidate] | None:
     """Return a first candidate and a second one that together gain on held-out data, where one alone does not."""
-    if first.train_log_gain < WORTHWHILE_LOG_GAIN or first.score.log_gain < -WORTHWHILE_LOG_GAIN:
+    is_hopeless = first.score.log_gain < -WORTHWHILE_LOG_GAIN and first.train_log_gain < _SPEAKS_UP
+    if first.train_log_gain < WORTHWHILE_LOG_GAIN or is_hopeless:
         return None
     second = _best_beside(first, split, causes, executor)
     if second is None:

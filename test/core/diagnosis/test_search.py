@@ -166,6 +166,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
     monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
+    monkeypatch.setattr(search, "gain_beyond_wander", lambda _model, _cause, _split: math.inf)  # made up, not fitted
 
     def names_from(first: str) -> tuple[str, ...]:
         names = tuple(t.name for t in trials)
