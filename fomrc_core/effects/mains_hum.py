@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -123,8 +124,8 @@ class MainsHum(Effect):
     def screening(cls, evidence: Evidence) -> list[MainsHum]:
         """Return the strongest lines of the residual's spectrum, with their harmonics, each with amplitude and phase.
 
-        No line within the resolution of one of a drive is tried, nor of its harmonics unless it is higher than any
-        hysteresis makes them, whichever record has that drive: what is left of hysteresis there is no tone of its own.
+        No line within the resolution of one of a drive is tried, whichever record has that drive, nor of its harmonics
+        unless it is higher than what a model may leave of hysteresis there: that is no tone of its own.
         """
         record = max(evidence.records, key=lambda r: r.time_s.size)
         spectrum = Spectrum.of(record.residual_um, float(np.median(record.steps_s)))
@@ -134,13 +135,7 @@ class MainsHum(Effect):
         drives = [
             DriveLines.of(r.voltage_v, float(np.median(r.steps_s))) for r in (*evidence.records, *evidence.beside)
         ]
-        gain = float(np.ptp(record.predicted_um)) / max(float(np.ptp(record.voltage_v)), 1e-300)
-        heights_um = np.interp(lines_hz, spectrum.frequency_hz, spectrum.amplitude)
-        lines_hz = [
-            line
-            for line, height_um in zip(lines_hz, heights_um, strict=True)
-            if not any(drive.may_reach(line, float(height_um), gain) for drive in drives)
-        ]
+        lines_hz = [line for line in lines_hz if _is_its_own(line, record, spectrum, drives)]
         trials: list[dict[str, float]] = []
         for line in lines_hz:
             harmonics = _harmonics_with(line, lines_hz, spectrum.resolution_hz)
@@ -152,6 +147,18 @@ class MainsHum(Effect):
             if harmonics and not is_taken:
                 trials.append(_tone(record, harmonics))
         return cls.proposed(trials[:_N_TRIALS])
+
+
+def _is_its_own(
+    line_hz: float,
+    record: RecordEvidence,
+    spectrum: Spectrum,
+    drives: Sequence[DriveLines],
+) -> bool:
+    """Return whether a line of a record's residual is surely none that its drive, or another, makes."""
+    height_um = float(np.interp(line_hz, spectrum.frequency_hz, spectrum.amplitude))
+    gain = float(np.ptp(record.predicted_um)) / max(float(np.ptp(record.voltage_v)), 1e-300)
+    return not any(drive.may_reach(line_hz, height_um, gain) for drive in drives)
 
 
 def _harmonics_with(line_hz: float, lines_hz: list[float], resolution_hz: float) -> dict[int, float]:

@@ -104,7 +104,8 @@ _LEAST_SHARE = 0.01  # of the drive's power in one cell: a sine, a multisine of 
 # A play bends the response at corners, so that harmonics of the drive fall with their number squared, and all of
 # hysteresis is no more than this share of a stroke: what is higher at a harmonic is none, however much is left.
 _HARMONIC_SHARE = 0.3
-_N_DRIVE_HARMONICS = 20  # farther out they are below a thousandth of the first
+_LEFT_SHARE = 0.01  # of a line, anywhere among its harmonics: what else a model may get wrong of a motion
+_N_DRIVE_HARMONICS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,7 @@ class DriveLines:
             gain_um_per_v: of the actuator.
         """
         number = np.arange(2, _N_DRIVE_HARMONICS + 1)
-        highest_um = _HARMONIC_SHARE * gain_um_per_v * self.amplitude_v[:, None] / number**2
+        share = np.maximum(_HARMONIC_SHARE / number**2, _LEFT_SHARE)
+        highest_um = gain_um_per_v * self.amplitude_v[:, None] * share
         is_near = np.abs(self.frequency_hz[:, None] * number - frequency_hz) <= self.resolution_hz
         return self.has(frequency_hz) or bool(np.any(is_near & (highest_um >= amplitude_um)))
