@@ -13,9 +13,10 @@ from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 
 
 def _round(c: Fields, value: float) -> Number:
-    return round(value / c.step_v) * c.step_v
+    return round(value / c.step_v - c.cut_share) * c.step_v
 
 
+_CUTS = (0.0, 0.5)  # a converter rounds to the nearest level, or cuts off what is above one
 _FEWEST_STEPS = 20  # over the range: of fewer each is seen in the displacement itself
 _HALF_WIDTH = 25  # samples of the narrowest running mean: passes steps of fewer samples than that, of any size
 _WIDER = 5  # from one width to the next: a running mean passes a sawtooth from a tenth of its width to all of it
@@ -28,23 +29,31 @@ _PEAK_REACH = 3 * _PADDING  # about a peak in which it is high itself
 
 @dataclass(frozen=True)
 class DacQuantization(Effect):
-    """Rounding of the drive to multiples of a step, at the samples."""
+    """Rounding of the drive to levels a step apart, at the samples."""
 
     name: ClassVar[str] = "dac_quantization"
     stage: ClassVar[Stage] = Stage.SAMPLED_DRIVE
     order: ClassVar[float] = 10.0
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("step_v", "V", 1e-12, 1e6, is_log=True, description="step of the converter"),
+        Parameter(
+            "cut_share",
+            "1",
+            -0.5,
+            0.5,
+            description="what is taken off, in steps, before it rounds: 0 rounds to the nearest level, 0.5 cuts off",
+        ),
     )
     main_parameter: ClassVar[str] = "step_v"
     meaning: ClassVar[str] = "The converter that makes the drive has too few bits, so the voltage moves in steps."
     signature: ClassVar[str] = "residual is a sawtooth of the commanded voltage, with the step as its period"
     experiment: ClassVar[str] = "a triangle so slow that many samples fall on each step"
     is_scanned: ClassVar[bool] = True
-    held_parameters: ClassVar[tuple[str, ...]] = ("step_v",)
+    held_parameters: ClassVar[tuple[str, ...]] = ("step_v", "cut_share")
     inverse_note: ClassVar[str] = "no inverse: positions between two steps cannot be had"
 
     step_v: float
+    cut_share: float = 0.0
 
     def initial_state(self) -> Array:
         """Return an empty state: rounding has no memory."""
@@ -52,7 +61,7 @@ class DacQuantization(Effect):
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the rounded drive [V], shape (n_samples,)."""
-        return np.rint(values / self.step_v) * self.step_v
+        return np.asarray(np.rint(values / self.step_v - self.cut_share) * self.step_v)
 
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a trial's step is a line of the residual, of which a smaller one says nothing."""
@@ -60,7 +69,11 @@ class DacQuantization(Effect):
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        return StepForm(constants=(("step_v", self.step_v),), forward=_round, jumps=("forward",))
+        return StepForm(
+            constants=(("step_v", self.step_v), ("cut_share", self.cut_share)),
+            forward=_round,
+            jumps=("forward",),
+        )
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DacQuantization]:
@@ -80,7 +93,7 @@ class DacQuantization(Effect):
             power = _power_over_voltage(evidence, low, span, half_width, n_longest)
             steps_v += _sawtooth_steps(np.sqrt(power), span, n_peaks)
             half_width, n_peaks = _WIDER * half_width, 1
-        return cls.proposed({"step_v": step} for step in steps_v)
+        return cls.proposed({"step_v": step, "cut_share": share} for step in steps_v for share in _CUTS)
 
 
 def _power_over_voltage(evidence: Evidence, low: float, span: float, half_width: int, n_longest: int) -> Array:
