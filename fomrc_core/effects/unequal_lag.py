@@ -94,6 +94,10 @@ class UnequalLag(Effect):
     rising_s: float
     falling_s: float
 
+    def special_case(self) -> dict[str, float]:
+        """Return the cutoff of an amplifier that lags by their geometric mean both ways."""
+        return {"cutoff_hz": 1.0 / (2.0 * math.pi * math.sqrt(self.rising_s * self.falling_s))}
+
     def initial_state(self) -> Array:
         """Return (output, input) [V] of the step before, at rest."""
         return np.zeros(2)

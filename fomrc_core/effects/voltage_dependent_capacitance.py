@@ -103,6 +103,10 @@ class VoltageDependentCapacitance(Effect):
     time_constant_s: float
     per_v: float
 
+    def special_case(self) -> dict[str, float]:
+        """Return the cutoff of an amplifier that lags as it does at zero volts."""
+        return {"cutoff_hz": 1.0 / (2.0 * math.pi * self.time_constant_s)}
+
     def initial_state(self) -> Array:
         """Return (output, input) [V] of the step before, at rest."""
         return np.zeros(2)

@@ -12,8 +12,11 @@ from fomrc_core.records.drive import turning_points
 from fomrc_core.records.quality import examine
 from fomrc_core.records.recording import Recording
 
-# From a shear plate behind a divider to a bender driven by a logic level: beyond it units are the likelier reason.
-_GAIN_UM_PER_V = (1e-3, 50.0)
+# From a thin stack to a lever's stage told by its command of 10 V: beyond it units are the likelier reason.
+_GAIN_UM_PER_V = (1e-3, 150.0)
+# A plate of a single layer gives d33, some 0.3 nm/V, at less than 2 kV and so less than a micrometre; mV read as V make
+# more volts than any stack is driven with. Displacements in mm read as um look like a plate's, and cannot be told.
+_PLATE_UM_PER_V, _PLATE_V, _PLATE_UM = 1e-4, 2000.0, 1.0
 _N_LOOKED_AT = 200_000
 # Of a range, rms about the straight line. Loops of 0.3 % of their box lie 5e-4 and more from it, and creep adds to it.
 _SAME = 2e-4
@@ -31,6 +34,7 @@ _N_TAPS = 256
 _SLOW_SWEEP_S, _N_SLOW_SWEEPS, _N_IN_SWEEP = 60.0, 8, 50
 # A rate that would be above 10 kHz, were time in ms: few record a stage so fast, and slow motion often so.
 _FAST_SAMPLED_HZ = 10.0
+_STILL, _RESTING_SHARE = 1e-6, 0.3  # of the range from sample to sample; of the samples
 
 
 def summary_line(recording: Recording) -> str:
@@ -65,7 +69,7 @@ def suspicions(recording: Recording) -> list[str]:
     span_v, span_um = float(np.ptp(v)), float(np.ptp(x))
     if not span_v > 0.0 or not span_um > 0.0:
         return []
-    found = _of_units(span_um / span_v) + _of_time(recording)
+    found = _of_units(span_um, span_v) + _of_time(recording)
     correlation = float(np.corrcoef(v, x)[0, 1])
     scale = correlation * float(np.std(x)) / float(np.std(v))
     if float(np.std(x)) * np.sqrt(max(1.0 - correlation**2, 0.0)) <= _SAME * span_um:
@@ -87,9 +91,10 @@ def suspicions(recording: Recording) -> list[str]:
     return found
 
 
-def _of_units(gain: float) -> list[str]:
-    low, high = _GAIN_UM_PER_V
-    if low <= gain <= high:
+def _of_units(span_um: float, span_v: float) -> list[str]:
+    gain, (low, high) = span_um / span_v, _GAIN_UM_PER_V
+    is_plate = gain >= _PLATE_UM_PER_V and span_v <= _PLATE_V and span_um <= _PLATE_UM
+    if low <= gain <= high or is_plate:
         return []
     likely = "mV read as V, or mm as um" if gain < low else "nm read as um, or kV as V"
     return [f"{gain:.3g} um/V is not what piezo actuators give ({low:g} to {high:g}): {likely}?"]
@@ -101,6 +106,9 @@ def _of_time(record: Recording) -> list[str]:
         return []
     if record.sample_period_s < 1.0 / _FAST_SAMPLED_HZ:
         return []
+    is_still = np.abs(np.diff(record.voltage_v)) <= _STILL * float(np.ptp(record.voltage_v))
+    if float(np.mean(is_still)) > _RESTING_SHARE:
+        return []  # levels held to see creep
     sweep_s = record.duration_s / n_sweeps
     return (
         [f"{n_sweeps} sweeps of {sweep_s:.3g} s each: is time in ms or us read as s?"]

@@ -128,6 +128,10 @@ class Cause(ABC):
         """Return whether the parameters belong to one record and not to the actuator."""
         return self.is_record_bound
 
+    def special_case(self) -> dict[str, float]:
+        """Return the parameters of the cause it generalizes that are nearest to it; none where it does not tell."""
+        return {}
+
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether records of this length and sample period [s] can show the cause with these parameters."""
         return True

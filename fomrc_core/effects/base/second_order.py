@@ -61,6 +61,9 @@ def run_second_order(
     state[0], state[1], state[2] = position, velocity, before
 
 
+_UNDAMPED = 2.0  # times the least there is: at a bound nothing has been found
+
+
 @dataclass(frozen=True)
 class SecondOrder(Effect):
     """What a mass on a spring, an amplifier that overshoots and a mode of a part have alike."""
@@ -84,10 +87,12 @@ class SecondOrder(Effect):
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether it has a peak, and of its swing something is in the records.
 
-        Beyond half the rate only a swing that lasts for more than a sample is: else it is a delay of 2 d / w.
+        Beyond half the rate only a swing that is damped and lasts for more than a sample is: else it is a delay.
         """
         is_in_band = self.frequency_hz * step_s <= 0.5
         lasts = 2.0 * math.pi * self.damping_ratio * self.frequency_hz * step_s < 1.0
+        # one that is never damped is no swing that anybody sampled, but an alternation of the noise
+        lasts = lasts and self.damping_ratio > _UNDAMPED * self.parameter("damping_ratio").lower
         return self.damping_ratio < _FLAT and (is_in_band or lasts)
 
     def least_parts(self, effects: tuple[Effect, ...]) -> int:

@@ -109,3 +109,22 @@ def test_a_diagnosis_takes_a_clock_that_drifts_by_samples_for_no_lost_or_doubled
     found = diagnose(Recording(time_s, drive_v, drifted + noise, name="skewed"))
     assert not any(f.kind in (FaultKind.LOST, FaultKind.DOUBLED) for q in found.data_quality for f in q.faults)
     assert [f.cause for f in found.findings] == ["clock_skew"]
+
+
+@pytest.mark.parametrize("n_late", [1, 2])
+def test_a_record_that_is_late_as_a_whole_has_no_doubled_samples(n_late: int) -> None:
+    plant, rate_hz = table1_plant(), 400.0
+    records = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        t = np.arange(2400) / rate_hz
+        waves = [np.sin(2.0 * np.pi * (f * t + rng.uniform())) for f in rng.uniform(2.0, 25.0, 6)]
+        ramp = np.clip((t - 0.2) / 0.3, 0.0, 1.0)  # at rest at first
+        voltage_v = ramp * (40.0 + 6.0 * np.sum(waves, axis=0))
+        moved_um = plant.simulate(np.full(t.size, 1.0 / rate_hz), voltage_v)
+        late_um = np.concatenate((np.repeat(moved_um[:1], n_late), moved_um[:-n_late]))
+        noise_um = 1e-3 * float(np.ptp(moved_um)) * rng.normal(size=t.size)
+        records.append(Recording(t, voltage_v, late_um + noise_um, name=f"{seed}"))
+    found = diagnose(records[0], test=records[1])
+    assert not [f for q in found.data_quality for f in q.faults if f.kind is FaultKind.DOUBLED]
+    assert [f.cause for f in found.findings] == ["transport_delay"]

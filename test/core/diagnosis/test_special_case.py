@@ -1,0 +1,75 @@
+"""A lag that is alike both ways is an amplifier's, wherever the fit of that one came to rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.candidate import candidate_of
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.special_case import with_special_case
+from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.drive_resonance import DriveResonance
+from fomrc_core.effects.unequal_lag import UnequalLag
+from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.records.excitation import triangle
+from fomrc_core.records.recording import Recording
+
+_PLAIN = TrialModel(ColumnKinds.plays(np.linspace(0.0, 1.8, 10)), np.linspace(1.0, 0.1, 10), 0.02, (), ((),))
+_CUTOFF_HZ = 1.3
+
+
+def _recorded(seed: int) -> Recording:
+    drive = triangle(2.0, slope_v_per_s=8.0, n_cycles=12, rate_hz=50.0)
+    blank = Recording(drive.time_s, drive.voltage_v, drive.voltage_v)
+    moved_um = predict(_PLAIN.with_cause(AmplifierBandwidth(_CUTOFF_HZ)), FitRecord.of(blank), 0)
+    noise_um = np.random.default_rng(seed).normal(0.0, 2e-3, drive.time_s.size)
+    return Recording(drive.time_s, drive.voltage_v, moved_um + noise_um)
+
+
+@pytest.fixture(name="split")
+def _split() -> DataSplit:
+    return split_data((_recorded(1),), _recorded(2), None, 2e-3)
+
+
+def test_the_special_case_is_begun_where_the_general_one_has_come_to(split: DataSplit) -> None:
+    present = PresentModel.of(_PLAIN, split)
+    fitted = refit(_PLAIN.with_cause(UnequalLag(0.12, 0.12)), split.train)
+    winner = candidate_of(present, split, "unequal_lag", fitted, bound=False)
+    far = refit(_PLAIN.with_cause(AmplifierBandwidth(900.0)), split.train, free=())
+    stuck = candidate_of(present, split, "amplifier_bandwidth", far, bound=False)
+    found = {c.cause: c for c in with_special_case(winner, [winner, stuck], present, split)}
+    (lag,) = (e for e in found["amplifier_bandwidth"].fitted.model.effects if e.name == "amplifier_bandwidth")
+    assert isinstance(lag, AmplifierBandwidth)
+    assert lag.cutoff_hz == pytest.approx(_CUTOFF_HZ, rel=0.02)
+    assert found["amplifier_bandwidth"].fitted.squared_error < 1.01 * winner.fitted.squared_error
+    # one that has come further is left as it is, and so is all where the simpler one acts already
+    own = found["amplifier_bandwidth"]
+    assert with_special_case(winner, [winner, own], present, split) == [winner, own]
+    beside = PresentModel.of(own.fitted.model, split)
+    assert with_special_case(winner, [winner], beside, split) == [winner]
+
+
+def test_a_cause_that_holds_no_other_has_no_special_case(split: DataSplit) -> None:
+    present = PresentModel.of(_PLAIN, split)
+    fitted = refit(_PLAIN.with_cause(AmplifierBandwidth(_CUTOFF_HZ)), split.train)
+    winner = candidate_of(present, split, "amplifier_bandwidth", fitted, bound=False)
+    assert with_special_case(winner, [winner], present, split) == [winner]
+
+
+def test_special_cases_lag_as_the_general_one_does() -> None:
+    assert UnequalLag(0.1, 0.4).special_case()["cutoff_hz"] == pytest.approx(1.0 / (2.0 * math.pi * 0.2))
+    lag = VoltageDependentCapacitance(time_constant_s=0.3, per_v=0.01)
+    assert lag.special_case()["cutoff_hz"] == pytest.approx(1.0 / (2.0 * math.pi * 0.3))
+
+
+@pytest.mark.parametrize(("damping_ratio", "is_plausible"), [(0.001, False), (0.02, True), (0.5, False)])
+def test_beyond_half_the_rate_a_resonance_must_be_damped_and_last(damping_ratio: float, is_plausible: bool) -> None:
+    assert DriveResonance(580.0, damping_ratio).is_plausible(10.0, 1e-3) is is_plausible
