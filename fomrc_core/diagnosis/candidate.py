@@ -38,6 +38,7 @@ _UNPROMISING = 4  # of those few
 _STILL_OPEN = 3.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
 _NEAR = 0.15  # the same where a fit has converged and hardly moved: the plays it began with are those it needs
 _MOVED = 0.7  # logarithmic gain in training from which on the plays must be chosen anew, and perhaps once more
+_N_UNFAIR = 2  # followed whoever is ahead by plays of its own: each costs some simulations
 _LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
@@ -126,12 +127,25 @@ def refitted(
     # no two are compared before they have come to rest
     compared = found if standing is None else [*found, standing]
     best = max((candidate.total_gain for candidate in compared), default=0.0)
-    near = [_is_open(candidate, best) for candidate in found]
+    unfair = _without_plays(compared, best)
+    near = [_is_open(candidate, best) or any(candidate is other for other in unfair) for candidate in found]
     if sum(near) > (1 if standing is None else 0):
         rest = [(present, split, candidate) for candidate, is_near in zip(found, near, strict=True) if is_near]
         found = [candidate for candidate, is_near in zip(found, near, strict=True) if not is_near]
         found += run(_at_rest, rest)
     return sorted(found, key=lambda candidate: -candidate.total_gain)
+
+
+def _without_plays(compared: list[Candidate], best_gain: float) -> list[Candidate]:
+    """Return the likeliest few that moved much, where the best brought plays of its own and they have those of before.
+
+    A base that has bent to a large effect may have two plays left: beside the right cause it needs all of them.
+    """
+    rich = [c for c in compared if c.total_gain == best_gain and np.any(c.fitted.model.columns.owned_by(c.cause))]
+    if not rich:
+        return []
+    plain = [c for c in compared if not c.is_bound and c not in rich and c.train_log_gain > _MOVED]
+    return sorted(plain, key=lambda candidate: -candidate.total_gain)[:_N_UNFAIR]
 
 
 def _is_open(candidate: Candidate, best_gain: float) -> bool:

@@ -18,6 +18,7 @@ _FIRST_MOVE = 0.1  # of the range of the drive
 # Times about an edge as shares of the record, and the fewest samples each must hold, in however short a record: the
 # load comes within the first, its levels before and after are measured within the second, it lasts for the third.
 _RISE, _BESIDE, _SHORTEST = 1.0 / 2500.0, 1.0 / 300.0, 1.0 / 75.0
+_SLOWER = (1.0, 2.0, 4.0, 8.0)  # times the shortest rise: up to a three-hundredth of a record
 _RISE_SAMPLES, _BESIDE_SAMPLES, _SHORTEST_SAMPLES = 3, 25, 50
 _LEAST_LEVEL_SAMPLES = 10  # a straight line and its error from fewer say nothing
 
@@ -79,8 +80,9 @@ class ExternalLoad(Effect):
         edges = [(self.onset_s, self.displacement_um)]
         if self.release_s < time_s[-1]:
             edges.append((self.release_s, -self.displacement_um))
+        # a hand or a weight put down takes its time
         return all(
-            _jumps(time_s, residual_um, edge_s, size, (rise_s, beside_s))
+            any(_jumps(time_s, residual_um, edge_s, size, (n * rise_s, n * beside_s)) for n in _SLOWER)
             and not _is_first_move(time_s, voltage_v, edge_s, rise_s)
             for edge_s, size in edges
         )
