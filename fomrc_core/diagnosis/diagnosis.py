@@ -35,6 +35,7 @@ from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.slow_rest import is_slower_than_seen
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.training_tells import unless_training_tells
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.fitting.linear_part import residuals
@@ -317,6 +318,7 @@ def _result(
     learned = max(learned, rounding_um)
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)
+    judgement = unless_training_tells(judgement, found.runner_up, split)
     everything = with_probabilities(findings, judgement)
     beaten = {step.accepted.cause for step in steps if step.is_beaten}
     findings = tuple(finding for finding in everything if finding.cause not in beaten)

@@ -80,9 +80,10 @@ class ExternalLoad(Effect):
         edges = [(self.onset_s, self.displacement_um)]
         if self.release_s < time_s[-1]:
             edges.append((self.release_s, -self.displacement_um))
-        # a hand or a weight put down takes its time
+        # a hand or a weight put down takes its time; the levels beside it are as short as ever, or what grows and fades
+        # would look like one
         return all(
-            any(_jumps(time_s, residual_um, edge_s, size, (n * rise_s, n * beside_s)) for n in _SLOWER)
+            any(_jumps(time_s, residual_um, edge_s, size, (n * rise_s, (n - 1.0) * rise_s + beside_s)) for n in _SLOWER)
             and not _is_first_move(time_s, voltage_v, edge_s, rise_s)
             for edge_s, size in edges
         )

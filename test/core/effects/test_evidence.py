@@ -39,6 +39,14 @@ def test_what_creeps_fast_beside_an_edge_is_no_jump() -> None:
     assert not ExternalLoad(0.0105, 5.0).is_confirmed(TIME_S, drive, noise + slope)
 
 
+@pytest.mark.parametrize("rise_s", [0.0, 0.02, 0.05])
+def test_a_load_that_takes_its_time_is_one(rise_s: float) -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME_S.size)
+    drive = 2.0 * np.sin(2.0 * np.pi * 0.3 * TIME_S)
+    rise = np.interp(TIME_S, [5.0 - 0.5 * rise_s, 5.0 + 0.5 * rise_s + 1e-3], [0.0, 0.01])
+    assert ExternalLoad(0.01, 5.0).is_confirmed(TIME_S, drive, noise + rise)
+
+
 def test_a_jump_where_the_drive_first_moves_is_its_memory_and_no_load() -> None:
     noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME_S.size)
     load = ExternalLoad(0.01, 5.0)
