@@ -74,6 +74,11 @@ class Candidate:
     held_before: tuple[Array, ...] = ()
 
     @property
+    def brings_plays(self) -> bool:
+        """Whether it has plays of its own, which bend to much else."""
+        return bool(np.any(self.fitted.model.columns.owned_by(self.cause)))
+
+    @property
     def total_gain(self) -> float:
         """Held-out gain, and for less the gain in training.
 
@@ -141,7 +146,7 @@ def _without_plays(compared: list[Candidate], best_gain: float) -> list[Candidat
 
     A base that has bent to a large effect may have two plays left: beside the right cause it needs all of them.
     """
-    rich = [c for c in compared if c.total_gain == best_gain and np.any(c.fitted.model.columns.owned_by(c.cause))]
+    rich = [c for c in compared if c.total_gain == best_gain and c.brings_plays]
     if not rich:
         return []
     plain = [c for c in compared if not c.is_bound and c not in rich and c.train_log_gain > _MOVED]

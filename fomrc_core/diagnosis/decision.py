@@ -41,12 +41,8 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
         and candidate.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
         and candidate.score.p_value < _SIGNIFICANCE / n_causes
         and candidate.score.is_worthwhile()
-        and (candidate.score.log_gain >= _RICH_GAIN or not _has_plays(candidate))
+        and (candidate.score.log_gain >= _RICH_GAIN or not candidate.brings_plays)
     )
-
-
-def _has_plays(candidate: Candidate) -> bool:
-    return bool(np.any(candidate.fitted.model.columns.owned_by(candidate.cause)))
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:

@@ -210,9 +210,10 @@ def _any_pair(
     may do worse than none on held-out data, that show more of the other.
     """
     # Many arguments: one move of a search.
-    told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and c.train_log_gain > _SPEAKS_UP]
+    told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
+    told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
-    for first in (*candidates[:1], *told):
+    for first in (*(c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN), *told):
         pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
         if pair is not None:
             return pair
@@ -257,6 +258,8 @@ def _or_pair(
     accepted = chosen[1]
     told = [c for c in candidates if not c.is_bound and c.is_plausible]
     told = [c for c in told if c.train_log_gain > accepted.train_log_gain + _SPEAKS_UP]
+    # beside one that does, one that does worse than none held out has nothing to say
+    told = [c for c in told if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
     for first in sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]:
         pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
@@ -330,8 +333,7 @@ def _second_of_pair(
     model: TrialModel, first: Candidate, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
 ) -> tuple[Candidate, Candidate] | None:
     """Return a first candidate and a second one that together gain on held-out data, where one alone does not."""
-    is_hopeless = first.score.log_gain < -WORTHWHILE_LOG_GAIN and first.train_log_gain < _SPEAKS_UP
-    if first.train_log_gain < WORTHWHILE_LOG_GAIN or is_hopeless:
+    if first.train_log_gain < WORTHWHILE_LOG_GAIN:
         return None
     second = _best_beside(first, split, causes, executor)
     if second is None:

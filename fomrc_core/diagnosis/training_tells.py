@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import SURE
@@ -31,8 +29,11 @@ def unless_training_tells(judgement: Judgement, runner_up: Candidate | None, spl
     if runner_up is None or not judgement.is_noise or not runner_up.is_plausible or runner_up.is_bound:
         return judgement
     share = 1.0 - math.exp(-max(runner_up.train_log_gain, 0.0))
-    brings_plays = bool(np.any(runner_up.fitted.model.columns.owned_by(runner_up.cause)))  # they bend to anything
-    if share < _MOST or brings_plays or gain_beyond_wander(runner_up.fitted.model, runner_up.cause, split) <= SURE:
+    if (
+        share < _MOST
+        or runner_up.brings_plays
+        or gain_beyond_wander(runner_up.fitted.model, runner_up.cause, split) <= SURE
+    ):
         return judgement
     reason = (
         f"{runner_up.cause} explains {100.0 * share:.0f} % of its power in the data it was learned from, "
