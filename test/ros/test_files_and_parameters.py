@@ -164,7 +164,7 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, lambda t: 0.5e-6, 0.3)
-    # 960 kB that take YAML many seconds to read; the names in it are none, so that it is refused in the end.
+    # 960 kB that take YAML seconds to read, how many is the machine's; the names in it are none, so that it is refused in the end.
     names = "".join(f"    name_{k}: {k}.5\n" for k in range(40_500))
     file.write_text("/**:\n  ros__parameters:\n" + names)
     assert 900_000 < file.stat().st_size < 1_000_000
@@ -177,7 +177,7 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     assert "no such parameter" in answer.result().message
     gaps_s = np.diff([received_s for received_s, _ in heard])
     print(f"read in {took_s:.1f} s, longest gap of the voltage {1e3 * gaps_s.max():.0f} ms")
-    assert took_s > 2.0, "long enough to be noticed"
+    assert took_s > 100.0 / 200.0, "a hundred ticks: long enough to be noticed"
     assert gaps_s.max() < 0.25 * took_s
     assert len(heard) > 0.5 * 200.0 * took_s
 
