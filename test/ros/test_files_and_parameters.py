@@ -164,7 +164,8 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive(publisher, lambda t: 0.5e-6, 0.3)
-    # 960 kB that take YAML seconds to read, how many is the machine's; the names in it are none, so that it is refused in the end.
+    # 960 kB that take YAML seconds to read, how many is the machine's; the names in it are none, so that it is refused
+    # in the end.
     names = "".join(f"    name_{k}: {k}.5\n" for k in range(40_500))
     file.write_text("/**:\n  ros__parameters:\n" + names)
     assert 900_000 < file.stat().st_size < 1_000_000
