@@ -17,9 +17,12 @@ from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
-from fomrc_core.effects import Effect, effect_classes
+from fomrc_core.effects import Covariate, Effect, effect_classes
+from fomrc_core.effects.base.term_scales import TermScales
+from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred, record_columns
+from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.linear_part import centred, order_slope, record_columns
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.residual import rms
 
@@ -27,6 +30,7 @@ _WORTH_TRYING = 1.1  # times the noise floor: less is what a floor is known to
 _SIGNIFICANCE = 0.01  # of the gain on held-out data, shared by the terms offered (Bonferroni)
 _MOST_TERMS = 8
 _MOST_SAMPLES = 40_000  # of a record, spread evenly: a few terms need no more
+_MOST_TURNS = 3
 _REST_S = 1e9  # before a record that begins at rest
 
 
@@ -35,14 +39,14 @@ class UnnamedExtension:
     """Terms that follow what no cause explains.
 
     Attributes:
-        effect: the terms.
+        effects: the terms, those of one signal in one effect.
         words: what they depend on.
         rms_before_um: error on the quoted record without them [um].
         rms_after_um: error there with them [um].
         p_value: of the hypothesis that they gain nothing on held-out data.
     """
 
-    effect: Effect
+    effects: tuple[Effect, ...]
     words: str
     rms_before_um: float
     rms_after_um: float
@@ -51,8 +55,13 @@ class UnnamedExtension:
     def __str__(self) -> str:
         return (
             f"unnamed: what is left {self.words}: {1e3 * self.rms_before_um:.4g} -> {1e3 * self.rms_after_um:.4g} nm "
-            f"rms with {self.effect.n_terms} terms that no cause stands for"
+            f"rms with {self.n_terms} terms that no cause stands for"
         )
+
+    @property
+    def n_terms(self) -> int:
+        """Number of terms."""
+        return sum(effect.n_terms for effect in self.effects)
 
 
 def unnamed_extension(
@@ -69,44 +78,89 @@ def unnamed_extension(
     if rms(np.concatenate(before)) < _WORTH_TRYING * floor_um:
         return None
     offered = _offered(model, split)
-    if offered is None:
+    if not offered:
         return None
-    learned = _equations(model, offered, [HeldOut(r, i) for i, r in enumerate(split.train)])
-    held = _rows(model, offered, split.held)
-    chosen = _chosen(learned, held, model.weights.size)
-    if not chosen:
+    extended = _extended(model, offered, split)
+    if extended is None:
         return None
-    extended = _fitted(model, offered, chosen, learned)
     score = held_out_score(before, held_residuals(extended, split.held))
-    if score.p_value >= _SIGNIFICANCE / offered.n_terms or not score.is_worthwhile():
+    n_offered = sum(effect.n_terms for effect in offered)
+    if score.p_value >= _SIGNIFICANCE / n_offered or not score.is_worthwhile():
         return None
-    effect = next(e for e in extended.effects if e.name == offered.name)
+    names = {effect.name for effect in offered}
+    effects = tuple(effect for effect in extended.effects if effect.name in names)
+    words = "depends on " + "; on ".join(effect.words() for effect in effects)
     quoted_before, quoted_after = (rms(np.concatenate(held_residuals(m, split.report))) for m in (model, extended))
-    return extended, UnnamedExtension(effect, effect.words(), quoted_before, quoted_after, score.p_value)
+    return extended, UnnamedExtension(effects, words, quoted_before, quoted_after, score.p_value)
 
 
-def _offered(model: TrialModel, split: DataSplit) -> Effect | None:
-    """Return all terms there are to choose from; None where nothing moves."""
+def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) -> TrialModel | None:
+    """Return the model with the terms that stay; None where none does.
+
+    What no cause explains has bent the weights of the plays and the creep order that were fitted without it, and terms
+    would be spent on mending that. So both are fitted anew beside the terms, and the terms chosen again.
+    """
+    best, least = None, np.inf
+    for _ in range(_MOST_TURNS):
+        learned = _equations(model, offered, [HeldOut(r, i) for i, r in enumerate(split.train)])
+        n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
+        chosen = _chosen(learned, _rows(model, offered, split.held), n_linear)
+        if not chosen:
+            break
+        extended = _fitted(model, offered, chosen, learned)
+        error = float(sum(v @ v for v in held_residuals(extended, split.held)))
+        if not error < least:
+            break
+        best, least = extended, error
+        solution = learned.of(_places(chosen, n_linear)).solution()
+        beside = _with_terms(model, offered, chosen, solution[n_linear:])
+        again = refit(rebased(beside, split.train), split.train, free=()).model
+        model = replace(again, effects=model.effects)
+    return best
+
+
+def _offered(model: TrialModel, split: DataSplit) -> list[Effect]:
+    """Return all terms there are to choose from; none where nothing moves."""
     moved = [predict(model, record, i)[record.is_used] for i, record in enumerate(split.train)]
     span_um = max(float(np.max(np.abs(y))) for y in moved)
     if not span_um > 0.0:
-        return None
+        return []
     step_s = float(np.median(split.train[0].steps_s))
     longest_s = max(float(record.time_s[-1]) for record in split.train)
-    offers = (kind.offered(span_um, step_s, longest_s) for kind in effect_classes().values())
-    return next((offer for offer in offers if offer is not None), None)
+    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split))
+    return [offer for kind in effect_classes().values() if (offer := kind.offered(scales)) is not None]
 
 
-def _rows(model: TrialModel, offered: Effect, parts: Sequence[HeldOut]) -> list[tuple[Array, Array]]:
-    """Return for each stretch columns of plays and terms, and what they must fit, at samples spread evenly."""
+def _moving_columns(split: DataSplit) -> dict[Covariate, tuple[float, float]]:
+    """Return middle and half the range of the signals all records have and that move in training."""
+    others = [part.record for part in (*split.held, *split.report)]
+    found = {}
+    for which in Covariate:
+        learned = [record.covariates.of(which) for record in split.train]
+        known = [
+            signal[record.is_used] for signal, record in zip(learned, split.train, strict=True) if signal is not None
+        ]
+        if len(known) < len(learned) or any(record.covariates.of(which) is None for record in others):
+            continue
+        low, high = min(float(np.min(v)) for v in known), max(float(np.max(v)) for v in known)
+        if np.isfinite(low) and np.isfinite(high) and high > low:
+            found[which] = (0.5 * (low + high), 0.5 * (high - low))
+    return found
+
+
+def _rows(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]) -> list[tuple[Array, Array]]:
+    """Return for each stretch columns of plays, creep order, terms, and what they must fit, at even samples."""
     found = []
     for part in parts:
         record, index = part.record, part.index
         moved_um = predict(model, record, index)
         used = np.flatnonzero(record.is_used)
         at = used[:: max(1, -(-used.size // _MOST_SAMPLES))]
-        terms = _terms(model, offered, record, index, moved_um, at)
-        columns = np.column_stack((record_columns(model, record, index)[at], terms))
+        terms = [_terms(model, effect, record, index, moved_um, at) for effect in offered]
+        linear = [record_columns(model, record, index)[at]]
+        if not model.replaces_creep:
+            linear.append(order_slope(model, record, index)[at, None])
+        columns = np.column_stack((*linear, *terms))
         every: Mask = np.ones(at.size, dtype=np.bool_)
         target = centred((record.measured_um - moved_um)[at], every)
         found.append((centred(columns, every), target))
@@ -117,26 +171,27 @@ def _terms(
     model: TrialModel, offered: Effect, record: FitRecord, index: int, moved_um: Array, at: NDArray[np.int64]
 ) -> Array:
     columns = []
+    covariate = record.covariates.of(offered.covariate)
     for k in range(offered.n_terms):
         one = offered.with_terms([k], np.ones(1))
         state = one.initial_state()
-        if model.start_of(index) is not None:
+        if offered.acts_before_record() and model.start_of(index) is not None:
             one.terms(state, moved_um[:1], np.array([_REST_S]))
-        columns.append(one.terms(state, moved_um, record.steps_s)[at, 0])
+        columns.append(one.terms(state, moved_um, record.steps_s, covariate)[at, 0])
     return np.column_stack(columns)
 
 
-def _equations(model: TrialModel, offered: Effect, parts: Sequence[HeldOut]) -> NormalEquations:
+def _equations(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]) -> NormalEquations:
     rows = _rows(model, offered, parts)
     return normal_equations((c, y, np.ones(y.size, dtype=np.bool_)) for c, y in rows)
 
 
-def _chosen(learned: NormalEquations, held: list[tuple[Array, Array]], n_columns: int) -> list[int]:
+def _chosen(learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int) -> list[int]:
     """Return the terms that stay: as few as do about as well on held-out data as the best number of them."""
-    # beside the terms the weights of the plays may move: what those can do is taken out of every term
-    beside = learned.without(n_columns)
+    # beside the terms the weights of the plays and the creep order may move: what they can do is no term's
+    beside = learned.without(n_linear)
     order: list[int] = []
-    left = [_left(learned, held, n_columns, order)]
+    left = [_left(learned, held, n_linear, order)]
     n_offered = beside.moment.size
     for _ in range(min(_MOST_TERMS, n_offered)):
         before = beside.of(np.array(order, dtype=np.int64)).explained if order else 0.0
@@ -145,34 +200,50 @@ def _chosen(learned: NormalEquations, held: list[tuple[Array, Array]], n_columns
         if not gains[best] > before:
             break
         order.append(best)
-        left.append(_left(learned, held, n_columns, order))
+        left.append(_left(learned, held, n_linear, order))
     errors = [sum(float(v @ v) for v in residuals) for residuals in left]
     best = int(np.argmin(errors))
     enough = errors[best] * np.exp(WORTHWHILE_LOG_GAIN)
     return order[: next(n for n in range(best + 1) if n == best or errors[n] <= enough)]
 
 
-def _left(learned: NormalEquations, held: list[tuple[Array, Array]], n_columns: int, chosen: list[int]) -> list[Array]:
-    """Return what plays and terms, fitted in training, leave of the held-out stretches [um]."""
-    at = np.r_[np.arange(n_columns), n_columns + np.array(chosen, dtype=np.int64)].astype(np.int64)
+def _places(chosen: list[int], n_linear: int) -> NDArray[np.int64]:
+    """Return where the linear part and the chosen terms stand among the equations."""
+    return np.concatenate((np.arange(n_linear), n_linear + np.array(chosen, dtype=np.int64)))
+
+
+def _left(learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int, chosen: list[int]) -> list[Array]:
+    """Return what plays, creep order and terms, fitted in training, leave of the held-out stretches [um]."""
+    at = _places(chosen, n_linear)
     weights = learned.of(at).solution()
     return [y - c[:, at] @ weights for c, y in held]
 
 
-def _fitted(model: TrialModel, offered: Effect, chosen: list[int], learned: NormalEquations) -> TrialModel:
-    """Return the model with the terms, weights of elements not negative."""
+def _with_terms(model: TrialModel, offered: Sequence[Effect], chosen: list[int], weights_um: Array) -> TrialModel:
+    """Return the model with the chosen terms, those of one signal in one effect."""
+    first = 0
+    for effect in offered:
+        own = [n for n, k in enumerate(chosen) if first <= k < first + effect.n_terms]
+        if own:
+            model = model.with_cause(effect.with_terms([chosen[n] - first for n in own], weights_um[own]))
+        first += effect.n_terms
+    return model
+
+
+def _fitted(model: TrialModel, offered: Sequence[Effect], chosen: list[int], learned: NormalEquations) -> TrialModel:
+    """Return the model with the terms, weights of elements not negative, its creep order as it is."""
     n_columns = model.weights.size
-    at = np.r_[np.arange(n_columns), n_columns + np.array(chosen)]
-    own = learned.of(at)
+    n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
+    equations = learned.of(np.r_[np.arange(n_columns), _places(chosen, n_linear)[n_linear:]])
     # what the model has already, put back: it is the whole weights that must not be negative
-    moment = own.moment + own.gram[:, :n_columns] @ model.weights
+    moment = equations.moment + equations.gram[:, :n_columns] @ model.weights
     is_positive = np.r_[model.columns.is_plain, np.zeros(len(chosen), dtype=np.bool_)]
-    weights = signed_weights(own.gram, moment, is_positive)
+    weights = signed_weights(equations.gram, moment, is_positive)
     plain = model.columns.is_plain
     is_slope = plain & (model.columns.thresholds_v == 0.0)
     of_plays = weights[:n_columns]
     if not float(np.sum(of_plays[is_slope])) > 0.0:
         of_plays = model.weights  # without an instantaneous part there is no inverse
     kept = ~plain | is_slope | (of_plays > 0.0)
-    effect = offered.with_terms(chosen, weights[n_columns:])
-    return replace(model.with_cause(effect), columns=model.columns.chosen(kept), weights=of_plays[kept])
+    extended = _with_terms(model, offered, chosen, weights[n_columns:])
+    return replace(extended, columns=model.columns.chosen(kept), weights=of_plays[kept])

@@ -10,6 +10,7 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, lag_ramp
+from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.effects.base.terms import (
     MOST_PATH,
     N_STATE,
@@ -26,8 +27,6 @@ from fomrc_core.effects.base.terms import (
 from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
-_N_LAGS = 6  # offered, from one sample to a third of the record, in even ratios
-_LONGEST_LAG = 1.0 / 3.0
 _THRESHOLDS = (0.05, 0.2, 0.5)  # offered, shares of the largest displacement
 _DIFFERENCE = 1e-5  # of the span, for slopes
 
@@ -118,19 +117,19 @@ class Unnamed(Effect):
             text = " times ".join(parts)
             found[text] = found.get(text, 0.0) + abs(weight)
         ordered = sorted(found, key=lambda text: -found[text])
-        return "depends on " + "; on ".join(ordered)
+        return "; on ".join(ordered)
 
     @classmethod
-    def offered(cls, span_um: float, step_s: float, duration_s: float) -> Unnamed:
+    def offered(cls, scales: TermScales) -> Unnamed:
         """Return static terms, motion of the last while, place in loops, and products of them."""
-        lags = [float(t) for t in np.geomspace(step_s, max(_LONGEST_LAG * duration_s, 2.0 * step_s), _N_LAGS)]
+        lags = scales.lags_s
         terms = [(p, 0.0, 1.0, 0.0) for p in (2.0, 3.0, 4.0)]
         terms += [(p, lag, q, 0.0) for p in (0.0, 1.0, 2.0) for lag in lags for q in (1.0, 2.0)]
         terms += [(p, 0.0, 1.0, r) for p in (0.0, 1.0, 2.0) for r in _THRESHOLDS]
         terms += [(p, lag, 0.0, 0.0) for p in (0.0, 1.0, 2.0) for lag in lags]
         terms += [(0.0, lag, q, r) for lag in lags for q in (0.0, 1.0) for r in _THRESHOLDS]
         powers, lags_s, lag_powers, thresholds = zip(*terms, strict=True)
-        return cls(tuple(1.0 for _ in terms), powers, lags_s, lag_powers, thresholds, span_um)
+        return cls(tuple(1.0 for _ in terms), powers, lags_s, lag_powers, thresholds, scales.span_um)
 
     @property
     def n_terms(self) -> int:
@@ -163,7 +162,7 @@ class Unnamed(Effect):
         run_sum(state, *self._arrays(), self.span_um, values, steps_s, out)
         return out
 
-    def terms(self, state: Array, values: Array, steps_s: Array) -> Array:
+    def terms(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return each term without its weight [1], shape (n_samples, n_terms); the state moves on."""
         out = np.empty((values.size, len(self.weights_um)))
         _, powers, lags, lag_powers, thresholds = self._arrays()

@@ -146,11 +146,11 @@ def _unnamed(extension: UnnamedExtension | None) -> dict[str, Any] | None:
         return None
     return {
         "words": extension.words,
-        "n_terms": extension.effect.n_terms,
+        "n_terms": extension.n_terms,
         "rms_um_before": extension.rms_before_um,
         "rms_um_after": extension.rms_after_um,
         "p_value": extension.p_value,
-        "parameters": extension.effect.to_mapping(),
+        "parameters": {effect.name: effect.to_mapping() for effect in extension.effects},
     }
 
 

@@ -19,6 +19,7 @@ from fomrc_core.effects.base.covariates import Covariate
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.parameter import Parameter
 from fomrc_core.effects.base.step_form import StepForm
+from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
 
 __all__ = ["Array", "Effect", "Parameter", "Stage", "in_chain_order"]
@@ -199,15 +200,13 @@ class Effect(Cause):
         return passed
 
     @classmethod
-    def offered(cls, span_um: float, step_s: float, duration_s: float) -> Effect | None:
+    def offered(cls, scales: TermScales) -> Effect | None:
         """Return all terms a diagnosis may choose from where no cause explains what is left; None with most effects.
 
         Each with weight one; ``terms`` gives them and ``with_terms`` those chosen.
 
         Args:
-            span_um: largest displacement of the records [um].
-            step_s: sample period [s].
-            duration_s: length of the longest record [s].
+            scales: what the records are like.
         """
         return None
 
@@ -216,7 +215,7 @@ class Effect(Cause):
         """Number of terms, for effects that are a sum of them."""
         return 0
 
-    def terms(self, state: Array, values: Array, steps_s: Array) -> Array:
+    def terms(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return each term without its weight, shape (n_samples, n_terms); the state moves on."""
         return np.zeros((values.size, 0))
 
@@ -225,7 +224,7 @@ class Effect(Cause):
         return self
 
     def words(self) -> str:
-        """Return what the terms depend on, in words, the weightiest first; "" where there are none."""
+        """Return what the terms depend on, in words with "; on " between, the weightiest first; "" where none are."""
         return ""
 
     def plays(self) -> tuple[Array, Array, Array]:
