@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
+from fomrc_core.effects.base.slopes import slope_by_differences
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, lag_ramp
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.effects.base.terms import (
@@ -28,7 +29,6 @@ from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
 _THRESHOLDS = (0.05, 0.2, 0.5)  # offered, shares of the largest displacement
-_DIFFERENCE = 1e-5  # of the span, for slopes
 
 
 @dataclass(frozen=True)
@@ -195,16 +195,7 @@ class Unnamed(Effect):
         """Return the changes with what they change of the terms, by differences about the displacement."""
         if values is None:
             return changes
-        found = np.empty_like(changes)
-        for column in range(changes.shape[1]):
-            largest = float(np.max(np.abs(changes[:, column])))
-            size = _DIFFERENCE * self.span_um / largest if largest > 0.0 else 1.0
-            moved = [
-                self.run(self.initial_state(), values + sign * size * changes[:, column], steps_s)
-                for sign in (1.0, -1.0)
-            ]
-            found[:, column] = (moved[0] - moved[1]) / (2.0 * size)
-        return found
+        return slope_by_differences(self, changes, steps_s, values, self.span_um)
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement [um] before this effect, to rounding where ``can_invert``."""

@@ -9,9 +9,10 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Parameter
 from fomrc_core.effects.base.kernels import elapsed_times
-from fomrc_core.effects.base.signal_kernels import add_terms_of_time, late_after, power_of, prepare_lags
+from fomrc_core.effects.base.signal_kernels import add_terms_of_time, late_after, power_of
 from fomrc_core.effects.base.signal_terms import SignalTerms, parameters_of
-from fomrc_core.effects.base.step_form import CLOCK_FIELDS, StepForm, clock_after, lag_ramp
+from fomrc_core.effects.base.slopes import slope_by_differences
+from fomrc_core.effects.base.step_form import CLOCK_FIELDS, StepForm, clock_after, ramp_in_step
 from fomrc_core.effects.base.term_scales import TermScales
 
 
@@ -30,6 +31,7 @@ class UnnamedInTime(SignalTerms):
     inverse_note: ClassVar[str] = "not inverted: what changes is that of the record and does not go on for ever"
     signal_words: ClassVar[str] = "the time since the start"
     lags_displacement: ClassVar[bool] = True
+    slope_depends_on_input: ClassVar[bool] = True
 
     @property
     def can_invert(self) -> bool:  # type: ignore[override]  # as in the base class
@@ -54,8 +56,10 @@ class UnnamedInTime(SignalTerms):
         return StepForm(
             constants=self._constants(),
             state=(*CLOCK_FIELDS, *self._memory()),
-            coefficients=(("gone", self.n_terms), ("ramp", self.n_terms)),
-            prepare=prepare_lags,
             forward=add_terms_of_time,
-            helpers=(clock_after, lag_ramp, late_after, power_of),
+            helpers=(clock_after, ramp_in_step, late_after, power_of),
         )
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes with what they change of the terms, by differences about the displacement."""
+        return changes if values is None else slope_by_differences(self, changes, steps_s, values, self.span_um)

@@ -16,6 +16,10 @@ from fomrc_core.effects.second_mode import SecondMode
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.unnamed import Unnamed
+from fomrc_core.effects.unnamed_in_time import UnnamedInTime
+from fomrc_core.effects.unnamed_second_axis import UnnamedSecondAxis
+from fomrc_core.effects.unnamed_static import UnnamedStatic
+from fomrc_core.effects.unnamed_temperature import UnnamedTemperature
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
 from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 
@@ -42,4 +46,12 @@ NEW_EFFECTS: list[Effect] = [
         thresholds=(0.0, 0.1, 0.0, 0.0),
         span_um=3.0,
     ),
+    UnnamedInTime(
+        (0.01, -0.02, 0.01, 0.02), (1.0, 2.0, 1.0, 1.0), (0.0, 1.0, 2.0, 0.0), (0.0, 0.0, 0.0, 0.03), 3.0, 0.0, 0.4
+    ),
+    UnnamedSecondAxis(
+        (0.02, 0.01, -0.02, 0.01), (1.0, 2.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 0.02, 0.04), 3.0, 0.1, 0.8
+    ),
+    UnnamedTemperature((0.02, -0.01, 0.03), (1.0, 0.0, 2.0), (1.0, 0.0, 0.0), (0.0, 0.05, 0.0), 3.0, 21.0, 2.0),
+    UnnamedStatic((0.02, -0.03, 0.005), (-0.2, 0.3, 0.0), (0.0, 0.0, 2.5), (0.0, 0.0, 0.25), 3.0),
 ]

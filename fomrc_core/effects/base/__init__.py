@@ -16,7 +16,12 @@ __all__ = [
     "parameter",
     "ringing",
     "second_order",
+    "signal_kernels",
+    "signal_terms",
+    "slopes",
     "spectra",
+    "static_kernels",
     "step_form",
+    "term_scales",
     "terms",
 ]

@@ -6,14 +6,12 @@ displacement are shares of what they were learned from, and stand still not far 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.kernels import lag_shares
-from fomrc_core.effects.base.step_form import Fields, Number, clock_after, lag_ramp
+from fomrc_core.effects.base.step_form import Fields, Number, clock_after, ramp_in_step
 
 Array = NDArray[np.float64]
 
@@ -23,14 +21,6 @@ SIGNAL_REACH, LINE_REACH = 1.1, 2.0
 N_SIGNAL_STATE = 2  # of each term: late share, share of the step before
 N_CLOCK = 2  # before them: time since the first sample [s], whether there has been one
 _N_TURNS = 60  # of the inverse, each of which halves the error at least
-
-
-def prepare_lags(k: Fields, c: Fields, step_s: float) -> None:
-    """Fill the coefficients of a step of this length."""
-    for j in range(len(c.lags_s)):
-        if c.lags_s[j] > 0.0:
-            k.gone[j] = -math.expm1(-step_s / c.lags_s[j])
-            k.ramp[j] = lag_ramp(step_s / c.lags_s[j])
 
 
 def late_after(late: float, before: float, gone: float, ramp: float, x: float) -> float:
@@ -51,7 +41,7 @@ def power_of(x: float, power: float) -> float:
     return total
 
 
-def add_terms_of_time(s: Fields, k: Fields, c: Fields, value: float, step_s: float) -> Number:
+def add_terms_of_time(s: Fields, c: Fields, value: float, step_s: float) -> Number:
     """Return the value with its terms of the time since the first sample [um]."""
     s.elapsed = clock_after(s.elapsed, s.started, step_s)
     t = min((s.elapsed - c.signal_zero) / c.signal_range, c.reach)
@@ -63,7 +53,9 @@ def add_terms_of_time(s: Fields, k: Fields, c: Fields, value: float, step_s: flo
             if s.started == 0:
                 s.late[j] = x
             else:
-                s.late[j] = late_after(s.late[j], s.before[j], k.gone[j], k.ramp[j], x)
+                ratio = step_s / c.lags_s[j]
+                ramp = ramp_in_step(ratio)
+                s.late[j] = late_after(s.late[j], s.before[j], ratio * (1.0 - ramp), ramp, x)
             s.before[j] = x
             term = term * (x - s.late[j])
         total = total + term
@@ -71,7 +63,7 @@ def add_terms_of_time(s: Fields, k: Fields, c: Fields, value: float, step_s: flo
     return value + total
 
 
-def add_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariate: float, is_known: int) -> Number:
+def add_terms_of_column(s: Fields, c: Fields, value: float, step_s: float, covariate: float, is_known: int) -> Number:
     """Return the value with its terms of a recorded signal [um]."""
     if not is_known:
         return value
@@ -84,7 +76,9 @@ def add_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariate
             if s.started == 0:
                 s.late[j] = u
             else:
-                s.late[j] = late_after(s.late[j], s.before[j], k.gone[j], k.ramp[j], u)
+                ratio = step_s / c.lags_s[j]
+                ramp = ramp_in_step(ratio)
+                s.late[j] = late_after(s.late[j], s.before[j], ratio * (1.0 - ramp), ramp, u)
             s.before[j] = u
             term = term * (u - s.late[j])
         total = total + term
@@ -92,7 +86,7 @@ def add_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariate
     return value + total
 
 
-def take_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariate: float, is_known: int) -> Number:
+def take_terms_of_column(s: Fields, c: Fields, value: float, step_s: float, covariate: float, is_known: int) -> Number:
     """Return the value whose terms make it this one [um]."""
     if not is_known:
         return value
@@ -102,7 +96,9 @@ def take_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariat
             if s.started == 0:
                 s.late[j] = u
             else:
-                s.late[j] = late_after(s.late[j], s.before[j], k.gone[j], k.ramp[j], u)
+                ratio = step_s / c.lags_s[j]
+                ramp = ramp_in_step(ratio)
+                s.late[j] = late_after(s.late[j], s.before[j], ratio * (1.0 - ramp), ramp, u)
             s.before[j] = u
     s.started = 1
     found = value
@@ -123,7 +119,7 @@ def take_terms_of_column(s: Fields, k: Fields, c: Fields, value: float, covariat
     return found
 
 
-_late_after, _power_of = compiled(late_after), compiled(power_of)
+_power_of = compiled(power_of)
 
 
 @compiled
@@ -147,7 +143,7 @@ def _factors(
                 state[at] = z
             else:
                 gone, ramp = lag_shares(step_s / lags_s[j])
-                state[at] = _late_after(state[at], state[at + 1], gone, ramp, z)
+                state[at] += ramp * z + (gone - ramp) * state[at + 1] - gone * state[at]
             state[at + 1] = z
             out[j] *= z - state[at]
 

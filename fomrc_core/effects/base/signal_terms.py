@@ -18,11 +18,10 @@ from fomrc_core.effects.base.signal_kernels import (
     invert_signal_terms,
     late_after,
     power_of,
-    prepare_lags,
     run_signal_terms,
     take_terms_of_column,
 )
-from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, lag_ramp
+from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, ramp_in_step
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
 
@@ -180,11 +179,9 @@ class SignalTerms(Effect):
         return StepForm(
             constants=self._constants(),
             state=(StateField("started", kind=FieldKind.COUNT, comment="whether there was a sample"), *self._memory()),
-            coefficients=(("gone", self.n_terms), ("ramp", self.n_terms)),
-            prepare=prepare_lags,
             forward=add_terms_of_column,
             inverse=take_terms_of_column,
-            helpers=(lag_ramp, late_after, power_of),
+            helpers=(ramp_in_step, late_after, power_of),
         )
 
     def _constants(self) -> tuple[tuple[str, float | tuple[float, ...]], ...]:
