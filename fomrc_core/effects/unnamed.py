@@ -28,6 +28,8 @@ from fomrc_core.effects.base.terms import (
 from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
+# what a memory says, by its power
+_MOTIONS = ("the path gone in", "the motion of", "the size of the motion of", "the cube of the motion of")
 _THRESHOLDS = (0.05, 0.2, 0.5)  # offered, shares of the largest displacement
 
 
@@ -49,7 +51,7 @@ class Unnamed(Effect):
         Parameter("weights_um", "um", -1e9, 1e9, is_list=True, description="of each term"),
         Parameter("powers", "1", 0.0, 6.0, is_list=True, description="power of the displacement in each term"),
         Parameter("lags_s", "s", 0.0, 1e9, is_list=True, description="time constant of each term, 0 for none"),
-        Parameter("lag_powers", "1", 0.0, 2.0, is_list=True, description="power of what is late; 0 for the path"),
+        Parameter("lag_powers", "1", 0.0, 3.0, is_list=True, description="power of what is late; 0 for the path"),
         Parameter("thresholds", "1", 0.0, 10.0, is_list=True, description="of each term's play, share of the span"),
         Parameter("span_um", "um", 1e-9, 1e9, is_log=True, description="largest displacement learned from"),
     )
@@ -110,7 +112,7 @@ class Unnamed(Effect):
             if threshold:
                 parts.append(f"the place in loops of {100.0 * threshold:.3g} % of the stroke")
             if lag:
-                what = ("the path gone in", "the motion of", "the size of the motion of")[int(lag_power)]
+                what = _MOTIONS[int(lag_power)]
                 parts.append(f"{what} the last {lag:.3g} s")
             if power:
                 parts.append("the displacement" + ("" if power == 1.0 else f" to the power {power:.0f}"))
@@ -125,6 +127,7 @@ class Unnamed(Effect):
         lags = scales.lags_s
         terms = [(p, 0.0, 1.0, 0.0) for p in (2.0, 3.0, 4.0)]
         terms += [(p, lag, q, 0.0) for p in (0.0, 1.0, 2.0) for lag in lags for q in (1.0, 2.0)]
+        terms += [(0.0, lag, 3.0, 0.0) for lag in lags]
         terms += [(p, 0.0, 1.0, r) for p in (0.0, 1.0, 2.0) for r in _THRESHOLDS]
         terms += [(p, lag, 0.0, 0.0) for p in (0.0, 1.0, 2.0) for lag in lags]
         terms += [(0.0, lag, q, r) for lag in lags for q in (0.0, 1.0) for r in _THRESHOLDS]

@@ -44,7 +44,9 @@ def factor_of(lag_power: float, late: float, x: float) -> float:
         return late
     if lag_power < 1.5:
         return x - late
-    return (x - late) * (x - late)
+    if lag_power < 2.5:
+        return (x - late) * (x - late)
+    return (x - late) * (x - late) * (x - late)
 
 
 def add_terms(s: Fields, k: Fields, c: Fields, value: float) -> Number:
