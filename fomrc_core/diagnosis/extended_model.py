@@ -60,7 +60,7 @@ def never_worse(
     before = replace(_extend(base, split), is_base=True)
     while found.steps or has_elements:
         extension = _fitted(found.model, split)
-        if _is_no_worse(extension.trial, before.trial, split):
+        if is_no_worse(extension.trial, before.trial, split):
             return found, extension
         if not found.steps:
             break
@@ -71,7 +71,8 @@ def never_worse(
     return found, before
 
 
-def _is_no_worse(model: TrialModel, base: TrialModel, split: DataSplit) -> bool:
+def is_no_worse(model: TrialModel, base: TrialModel, split: DataSplit) -> bool:
+    """Return whether a model does no worse than another on held-out data, nor surely worse on what is quoted."""
     held, quoted = (
         [_squares(held_residuals(each, parts)) for each in (model, base)] for parts in (split.held, split.report)
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
+from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.effects import Covariate, Effect, effect_classes
 from fomrc_core.effects.base.term_scales import TermScales
@@ -86,7 +87,7 @@ def unnamed_extension(
     if extended is None:
         return None
     score = held_out_score(before, held_residuals(extended, split.held))
-    if score.p_value >= _SIGNIFICANCE or not score.is_worthwhile():
+    if score.p_value >= _SIGNIFICANCE or not score.is_worthwhile() or not is_no_worse(extended, model, split):
         return None
     names = {effect.name for effect in offered}
     effects = tuple(effect for effect in extended.effects if effect.name in names)
