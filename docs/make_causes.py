@@ -19,9 +19,10 @@ model file. The order is that of the chain, from the voltage that is commanded t
 "Belongs to" says whether the parameters are the actuator's, the same in every record, or one record's own.
 """
 _UNNAMED = """
-The one called `unnamed` below is no cause. Where something is left that none of them explains, a diagnosis adds a few
-terms that follow it and says what they depend on, not why (`unnamed_extension` in `diagnosis.json`); the status stays
-what it was without them.
+Those whose names begin with `unnamed` are no causes. Where something is left that none explains, a diagnosis adds a few
+terms that follow it and says what they depend on, not why (`unnamed_extension` in `diagnosis.json`): place and motion
+(`unnamed`), a curve over the place (`unnamed_static`), the time since the start, a second axis, the temperature; the
+status stays what it was without them.
 """
 _STAGES = {
     "SAMPLED_DRIVE": "drive, at the samples",
