@@ -15,7 +15,7 @@ from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 from fomrc_core.storage import read_model, write_model
 
-_STEP_S, _N = 2e-3, 9000
+_STEP_S, _N = 2e-3, 4500
 _NOISE_UM = 1e-3
 
 
