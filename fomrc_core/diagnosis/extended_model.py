@@ -120,11 +120,15 @@ def _extend(model: TrialModel, split: DataSplit) -> Extension:
     thresholds = model.columns.thresholds_v
     is_slope = plain & (thresholds == 0.0)
     if not float(np.sum(weights[is_slope])) > 0.0:
-        # without an instantaneous part there is no inverse
-        weights[is_slope] = 1e-6 * float(np.sum(weights[plain]))
+        weights[is_slope] = least_slope(weights[plain])
     kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
     final = replace(model, columns=model.columns.chosen(kept), weights=weights[kept])
     return Extension(as_written(final, split), final)
+
+
+def least_slope(plain_weights: Array) -> float:
+    """Return the instantaneous part given to a model that was fitted none: without one there is no inverse."""
+    return 1e-6 * float(np.sum(plain_weights))
 
 
 def as_written(final: TrialModel, split: DataSplit) -> PiezoModel:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
-from fomrc_core.diagnosis.extended_model import is_no_worse
+from fomrc_core.diagnosis.extended_model import is_no_worse, least_slope
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.effects import Covariate, Effect, effect_classes
 from fomrc_core.effects.base.term_scales import TermScales
@@ -110,6 +110,8 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         if not chosen:
             break
         extended = _fitted(model, offered, chosen, learned)
+        if extended is None:
+            break
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
         if not error < least:
             break
@@ -232,8 +234,10 @@ def _with_terms(model: TrialModel, offered: Sequence[Effect], chosen: list[int],
     return model
 
 
-def _fitted(model: TrialModel, offered: Sequence[Effect], chosen: list[int], learned: NormalEquations) -> TrialModel:
-    """Return the model with the terms, weights of elements not negative, its creep order as it is."""
+def _fitted(
+    model: TrialModel, offered: Sequence[Effect], chosen: list[int], learned: NormalEquations
+) -> TrialModel | None:
+    """Return the model with the terms, weights of elements not negative, its creep order as it is; None without any."""
     n_columns = model.weights.size
     n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
     equations = learned.of(np.r_[np.arange(n_columns), _places(chosen, n_linear)[n_linear:]])
@@ -244,8 +248,10 @@ def _fitted(model: TrialModel, offered: Sequence[Effect], chosen: list[int], lea
     plain = model.columns.is_plain
     is_slope = plain & (model.columns.thresholds_v == 0.0)
     of_plays = weights[:n_columns]
+    if not float(np.sum(of_plays[plain])) > 0.0:
+        return None  # terms that leave nothing to the actuator
     if not float(np.sum(of_plays[is_slope])) > 0.0:
-        of_plays = model.weights  # without an instantaneous part there is no inverse
+        of_plays[is_slope] = least_slope(of_plays[plain])
     kept = ~plain | is_slope | (of_plays > 0.0)
     extended = _with_terms(model, offered, chosen, weights[n_columns:])
     return replace(extended, columns=model.columns.chosen(kept), weights=of_plays[kept])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 from small_model import MODEL
 
 from fomrc_core.diagnosis.base_model import base_model
@@ -73,6 +74,12 @@ def bumped(t: Array, x: Array, cross: Array, celsius: Array) -> Array:
     return np.asarray(0.03 * np.exp(-(((x - 0.4) / 0.2) ** 2)))
 
 
+def rung(t: Array, x: Array, cross: Array, celsius: Array) -> Array:
+    """Return what a stage does that rings at the frequency of its drive."""
+    natural = 2.0 * np.pi * 0.2
+    return np.asarray(lsim(([natural**2], [1.0, 0.1 * natural, natural**2]), x, t)[1] - x)
+
+
 CASES = [
     (warmed, "unnamed_in_time", "the time since the start"),
     (tilted, "unnamed_second_axis", "the second axis times the displacement"),
@@ -111,6 +118,16 @@ def test_what_it_depends_on_is_said_and_a_third_record_gains(
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_noise_beside_signals_that_do_nothing_is_not_followed(seed: int) -> None:
     assert followed(lambda t, x, cross, celsius: np.zeros_like(t), seed) is None
+
+
+def test_terms_that_leave_no_instantaneous_part_leave_a_model_that_can_be_written() -> None:
+    found = followed(rung)
+    assert found is not None
+    split, trial, unnamed = found
+    third = measured(12, rung)
+    beside = {"temperature_c": third.temperature_c, "cross": third.cross_displacement_um}
+    left = third.measured_um - as_written(trial, split).simulate(third.steps_s, third.voltage_v, **beside)
+    assert rms(left - left.mean()) == pytest.approx(unnamed.rms_after_um, rel=0.02)
 
 
 def test_a_signal_that_one_record_lacks_is_not_offered() -> None:
