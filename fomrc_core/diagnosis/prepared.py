@@ -19,7 +19,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.noise import NoiseFloor, known_noise
-from fomrc_core.records.quality import Slip, find_slips, without_lags
+from fomrc_core.records.quality import Lags, Slip, find_lags, find_slips
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
@@ -104,10 +104,16 @@ def _left_by_lags(given: Prepared) -> list[float]:
     A base that was fitted to readings that lag has bent to them, and so have lags fitted to what it leaves.
     """
     now, best_um = given, _errors(given.looked.records, given.residuals())
+    lags = [Lags.none(record.n_samples) for record in given.looked.records]
     for _ in range(_N_LAG_TURNS):
         pairs = zip(now.looked.records, now.residuals(), strict=True)
-        back_um = [without_lags(r.measured_um, r.measured_um - left, r.valid_samples) for r, left in pairs]
-        now = Prepared.of(now.looked.reading(back_um))
+        more = [find_lags(r.measured_um, r.measured_um - left, r.valid_samples) for r, left in pairs]
+        lags = [before.beside(found) for before, found in zip(lags, more, strict=True)]
+        back_um = [
+            of_record.taken_from(r.measured_um, r.valid_samples)
+            for of_record, r in zip(lags, given.looked.records, strict=True)
+        ]
+        now = Prepared.of(given.looked.reading(back_um))
         best_um = [min(pair) for pair in zip(best_um, _errors(now.looked.records, now.residuals()), strict=True)]
     return best_um
 

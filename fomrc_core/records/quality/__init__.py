@@ -7,14 +7,16 @@ from fomrc_core.records.quality.clipping import NoisyEnd, noisy_end
 from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.quality.lags import Lags, find_lags
 from fomrc_core.records.quality.long_record import examine_long
-from fomrc_core.records.quality.slips import Slip, find_slips, without_lags, without_slips
+from fomrc_core.records.quality.slips import Slip, find_slips, without_slips
 
 __all__ = [
     "DataFault",
     "DataQuality",
     "Examined",
     "FaultKind",
+    "Lags",
     "NoisyEnd",
     "Slip",
     "bridged",
@@ -22,8 +24,8 @@ __all__ = [
     "examine",
     "examine_long",
     "examine_residual",
+    "find_lags",
     "find_slips",
     "noisy_end",
-    "without_lags",
     "without_slips",
 ]

@@ -6,7 +6,7 @@ Where readings are early by whole samples, what a model leaves of them is the mo
 
 An offset of the whole record, a constant delay and a gain are a model's to take up, and are taken out first. What is
 left is searched for one slip after another, each moved to where it explains most beside the others. A clock that drifts
-and a stage that lags are no slips: they move readings by all parts of a sample, and ``without_lags`` says what
+and a stage that lags are no slips: they move readings by all parts of a sample, and ``find_lags`` says what
 they would leave.
 """
 
@@ -70,28 +70,6 @@ def find_slips(displacement_um: Array, predicted_um: Array, valid: Mask) -> tupl
     for sample, sign in units:
         total[sample] += sign
     return tuple(Slip(sample, n) for sample, n in sorted(total.items()) if n != 0)
-
-
-def without_lags(displacement_um: Array, predicted_um: Array, valid: Mask) -> Array:
-    """Return the readings without what lags explain of them [um], shape (n_samples,); arguments as ``find_slips``.
-
-    Readings may be late by a parabola of time, as with a clock that drifts, and lag with the acceleration and its
-    change, as behind whatever is slow or rings. Those that are late are moved to where they belong, to first order in
-    what a model leaves of them: asked again, it leaves what is left.
-    """
-    time, rate_um = np.linspace(-1.0, 1.0, predicted_um.size), np.gradient(predicted_um)
-    bent_um = np.gradient(rate_um)
-    late_um = np.column_stack((rate_um, time * rate_um, time**2 * rate_um))
-    slow_um = np.column_stack((bent_um, np.gradient(bent_um)))
-    beside_um = np.column_stack((np.ones(predicted_um.size), predicted_um - np.mean(predicted_um)))
-    columns = np.hstack((late_um, slow_um, beside_um))
-    scale = np.linalg.norm(columns[valid], axis=0)
-    scale[scale == 0.0] = np.inf
-    weights = np.linalg.lstsq(columns[valid] / scale, (displacement_um - predicted_um)[valid], rcond=None)[0] / scale
-    sample = np.arange(predicted_um.size, dtype=np.float64)
-    late = -(weights[0] + weights[1] * time + weights[2] * time**2)
-    back_um = np.interp(sample + late, sample[valid], displacement_um[valid])
-    return np.asarray(back_um - slow_um @ weights[3:5])
 
 
 def without_slips(recording: Recording, slips: Sequence[Slip]) -> Examined:
