@@ -44,10 +44,12 @@ from test.hidden import (  # noqa: E402
     study_second_report,
     study_settle,
     study_table3,
+    study_third,
+    study_third_report,
     study_timing,
 )
 
-PARTS = (*study_cases.PARTS, "settle", "measured", "table3", "timing", "second")
+PARTS = (*study_cases.PARTS, "settle", "measured", "table3", "timing", "second", "third")
 Job = tuple[Callable[[Any, str], str], Any]
 
 
@@ -55,6 +57,9 @@ def _jobs(part: str, n_seeds: int | None, seeds: str) -> list[Job]:
     if part == "second":
         plans = [study_second.plan(group, seeds, n_seeds) for group in study_second.GROUPS]
         return [(study_second.run, s) for plan in plans for s in plan]
+    if part == "third":
+        plans_third = [study_third.plan(group, seeds, n_seeds) for group in study_third.GROUPS]
+        return [(study_third.run, s) for plan in plans_third for s in plan]
     if part == "settle":
         return [(study_settle.run, s) for s in study_settle.plan()]
     if part == "measured":
@@ -98,7 +103,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--part", nargs="+", choices=[*PARTS, "all"], default=["all"])
     parser.add_argument("--seeds", type=int, help="seeds per cause (pairs: number of pairs) instead of the full number")
     parser.add_argument(
-        "--development", action="store_true", help="second: seeds for development, not those that are reported"
+        "--development", action="store_true", help="second, third: seeds for development, not those that are reported"
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--output", type=Path, default=_ROOT / "study_output", help="folder of the cases' files")
@@ -134,10 +139,13 @@ def main(arguments: list[str] | None = None) -> int:
         (docs / "table3_lag.md").write_text(study_table3.study(), encoding="utf-8")
     outcomes = study_scores.load(folder)
     second = [o for o in outcomes if o["spec"]["part"].startswith("second_")]
-    if first := [o for o in outcomes if not o["spec"]["part"].startswith("second_")]:
+    third = [o for o in outcomes if o["spec"]["part"].startswith("third_")]
+    if first := [o for o in outcomes if not o["spec"]["part"].startswith(("second_", "third_"))]:
         console.print(f"written: {study_report.write(first, docs)}")
     if second:
         console.print(f"written: {study_second_report.write_second(second, seeds, docs)}")
+    if third:
+        console.print(f"written: {study_third_report.write_third(third, seeds, docs)}")
     return 0
 
 
