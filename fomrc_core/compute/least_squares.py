@@ -152,12 +152,22 @@ def variances_of(gram: Array) -> Array:
     Weights of columns that cannot be told apart are as uncertain as rounding lets them be told, those of columns
     that do not move are without end (inf). Shape (n_columns,).
     """
+    return np.array(np.diag(covariance_of(gram)))
+
+
+def covariance_of(gram: Array) -> Array:
+    """Return the inverse of a Gram matrix: covariance of weights for targets of variance 1, as ``variances_of`` is.
+
+    Of columns that do not move the variance is without end (inf), and nothing is said beside it (0). Shape
+    (n_columns, n_columns).
+    """
     power = np.diag(gram)
     moves = power > _STILL * float(np.max(power, initial=0.0))
     scale = np.sqrt(np.where(moves, power, np.inf))
     values, vectors = np.linalg.eigh(gram / scale[:, None] / scale[None, :])
-    inverse = vectors**2 @ (1.0 / np.maximum(values, RANK_TOLERANCE * np.max(values, initial=0.0)))
-    return np.where(moves, inverse / scale**2, np.inf)
+    inverse = (vectors / np.maximum(values, RANK_TOLERANCE * np.max(values, initial=0.0))) @ vectors.T
+    covariance = inverse / scale[:, None] / scale[None, :]
+    return np.asarray(covariance + np.diag(np.where(moves, 0.0, np.inf)))
 
 
 def non_negative_weights(gram: Array, moment: Array) -> Array:

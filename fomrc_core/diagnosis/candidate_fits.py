@@ -96,9 +96,13 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
     for first, given in begun.fits:
         error = first.squared_error
         hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-        is_behind = bool(begun_valleys) and error > _FAR_BEHIND * begun_valleys[0].squared_error
-        if error > hopeless or (is_behind and not begun.is_bound):
+        if error > hopeless:
             break
+        # of another form a few iterations say little
+        alike = [other for other in begun_valleys if _form(other.model) == _form(first.model)]
+        is_behind = bool(alike) and error > _FAR_BEHIND * alike[0].squared_error
+        if is_behind and not begun.is_bound:
+            continue
         # pasts that look alike from one record differ in what they say of the others
         if not begun.is_bound and any(_is_same_valley(first, other, present, split) for other in begun_valleys):
             continue
@@ -133,16 +137,21 @@ def _starts(
     chosen: list[tuple[TrialModel, Tangent | None]] = []
     forms: set[tuple[object, ...]] = set()
     for _, start, given in sorted(found, key=lambda option: option[0]):
-        form = (tuple(p.spec.name for p in free_parameters(start)), start.weights.size)
+        form = (*_form(start), start.weights.size)
         if form not in forms or len(chosen) < N_STARTS:
             chosen.append((start, given))
             forms.add(form)
     return chosen
 
 
+def _form(model: TrialModel) -> tuple[object, ...]:
+    """Return what no fit changes of a model: the parameters that it moves, and what its effects have chosen."""
+    return tuple(p.spec.name for p in free_parameters(model)), tuple(effect.form() for effect in model.effects)
+
+
 def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: DataSplit) -> bool:
     """Return whether two starts of one form have come to nearly the same residual, beside what they explain."""
-    if tuple(p.spec.name for p in one.free) != tuple(p.spec.name for p in other.free):
+    if _form(one.model) != _form(other.model):
         return False
     apart = tuple(a - b for a, b in zip(one.residual, other.residual, strict=True))
     explained = present.squared_error - max(one.squared_error, other.squared_error)

@@ -30,6 +30,7 @@ _RICH_GAIN = 0.16
 _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
 _MOST_ORDER = 16  # of the process that noise is: a sensor's filter and a slow wander
+_AS_NOISE = 1.44  # times the noise's power: a fifth of its rms, what noise of repeats may be off
 _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the base
 
 
@@ -81,8 +82,13 @@ def is_surely_better(other: Candidate, winner: Candidate) -> bool:
 
 
 def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
-    """Return the candidates that neither training nor held-out data tell from the winner."""
+    """Return the candidates that neither training nor held-out data tell from the winner.
+
+    Where the winner leaves no more than noise its colour is known, and samples are compared that are whitened by it;
+    of two models that both leave something else the likelier one says less.
+    """
     n_effective = _n_effective(winner.fitted, split)
+    leaves_noise = winner.fitted.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used
     tied = []
     for other in candidates:
         if other is winner:
@@ -95,8 +101,11 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
         same_shape = len(other.held) == len(winner.held) and all(
             a.size == b.size for a, b in zip(other.held, winner.held, strict=True)
         )
-        if loss < SURE and (not same_shape or loses_to(list(winner.held), list(other.held)) > _TIE_P_VALUE):
-            tied.append(other)
+        if loss >= SURE or (same_shape and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE):
+            continue
+        if leaves_noise and _likelier_by(winner, other.fitted.residual, other.held, split) > SURE:
+            continue
+        tied.append(other)
     return tied
 
 

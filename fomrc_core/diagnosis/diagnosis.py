@@ -20,6 +20,7 @@ from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
+from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
@@ -319,6 +320,7 @@ def _result(
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)
     judgement = unless_training_tells(judgement, found.runner_up, split)
+    judgement = unless_inconstant(judgement, constancy(found.model, found.final, split))
     everything = with_probabilities(findings, judgement)
     beaten = {step.accepted.cause for step in steps if step.is_beaten}
     findings = tuple(finding for finding in everything if finding.cause not in beaten)

@@ -54,9 +54,9 @@ def fit_starts(
         return [model.with_cause(trial.cause) for trial in trials[:2]]
     # A signature is the effect's slope; how well an instance of full size does only its simulation tells.
     likeliest = trials[:_MAX_STARTS]
-    forms = {trial.cause.free_names() for trial in likeliest}
-    likeliest += [trial for trial in trials[_MAX_STARTS:] if trial.cause.free_names() not in forms][:_MAX_OTHER_FORMS]
-    options = [(model.with_cause(sized(trial)), trial.cause.free_names()) for trial in likeliest]
+    forms = {trial.cause.form() for trial in likeliest}
+    likeliest += [trial for trial in trials[_MAX_STARTS:] if trial.cause.form() not in forms][:_MAX_OTHER_FORMS]
+    options = [(model.with_cause(sized(trial)), trial.cause.form()) for trial in likeliest]
     ordered = sorted(options[1:], key=lambda option: clear_error(option[0], split, directions))
     # a form of more parameters may do worse where it begins and better where it ends: the best of every form is tried
     starts, tried = [options[0][0]], {options[0][1]}

@@ -51,6 +51,10 @@ class SensorBandwidth(Effect):
         super().__post_init__()
         object.__setattr__(self, "n_poles", float(round(self.n_poles)))
 
+    def form(self) -> tuple[str, ...]:
+        """Return the parameters a fit moves, and the number of poles: four lag as a delay does, one does not."""
+        return (*super().form(), f"{self.n_poles:.0f} poles")
+
     def initial_state(self) -> Array:
         """Return (input [um] of the step before, then both parts of each pole's mode), at rest."""
         return pairs_at_rest((int(self.n_poles) + 1) // 2)
@@ -68,12 +72,12 @@ class SensorBandwidth(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SensorBandwidth]:
-        """Return cutoffs up to half the sample rate, of one pole and of four."""
+        """Return cutoffs up to the sample rate, beyond which a filter hardly lags, of every number of poles."""
         rate = 1.0 / evidence.sample_period_s
         return cls.proposed(
-            {"cutoff_hz": rate * share, "n_poles": n_poles}
-            for n_poles in (1.0, 2.0, 4.0)
-            for share in (0.005, 0.02, 0.08, 0.3)
+            {"cutoff_hz": rate * share, "n_poles": float(n_poles)}
+            for n_poles in range(1, _MOST_POLES + 1)
+            for share in (0.005, 0.02, 0.08, 0.3, 0.9)
         )
 
 

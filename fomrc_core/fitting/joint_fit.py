@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.gauss_newton import Linearized, descend
-from fomrc_core.compute.least_squares import gram_of, normal_equations, product, variances_of
+from fomrc_core.compute.least_squares import covariance_of, gram_of, normal_equations, product
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
@@ -76,14 +76,23 @@ class Refit:
         """
         if not self.free:
             return {}
-        gram = gram_of((d, r.is_used) for d, r in zip(self.directions, records, strict=True))
-        n = sum(int(np.count_nonzero(r.is_used)) for r in records)
-        variances = variances_of(gram) * self.squared_error / n * inflation
+        variances = np.diag(self.covariance(records, inflation))
         errors = {}
         for free, variance in zip(self.free, variances, strict=True):
             per_coordinate = free.get(self.model) if free.spec.is_log else free.scale
             errors[(free.cause, free.index, free.spec.name)] = abs(per_coordinate) * math.sqrt(variance)
         return errors
+
+    def covariance(self, records: tuple[FitRecord, ...], inflation: float) -> Array:
+        """Return the covariance of the coordinates of the free parameters, shape (n_free, n_free).
+
+        Args:
+            records: what was fitted.
+            inflation: by how much the noise varies more than if it were white.
+        """
+        gram = gram_of((d, r.is_used) for d, r in zip(self.directions, records, strict=True))
+        n = sum(int(np.count_nonzero(r.is_used)) for r in records)
+        return np.asarray(covariance_of(gram) * self.squared_error / n * inflation)
 
 
 def _directions(

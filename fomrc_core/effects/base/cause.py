@@ -81,6 +81,10 @@ class Cause(ABC):
             and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
         )
 
+    def form(self) -> tuple[str, ...]:
+        """Return what no fit leads from one instance to another by: the parameters it moves, and choices it makes."""
+        return self.free_names()
+
     def scale_of(self, name: str, value: float) -> float:
         """Return the unit in which a fit moves a parameter that is not moved by its logarithm."""
         return abs(value) if value != 0.0 else 1.0
