@@ -3,4 +3,4 @@
 ``diagnose`` is the way in.
 """
 
-__all__ = ["axes", "detectable", "diagnosis", "findings", "judgement", "unnamed_extension", "watch"]
+__all__ = ["axes", "constancy", "detectable", "diagnosis", "findings", "judgement", "unnamed_extension", "watch"]

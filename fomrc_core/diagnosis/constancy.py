@@ -157,7 +157,12 @@ def _compared(learned: _Estimate, other: _Estimate) -> Constancy:
     chi_squared = float(n_errors @ np.linalg.solve(covariance / np.outer(error, error), n_errors))
     told = tuple(
         ParameterTwice(
-            p.cause, p.spec.name, _value(p, mine[k]), _value(p, others[k]), float(error[k] / size[k]), abs(n_errors[k])
+            p.cause,
+            p.spec.name,
+            _value(p, mine[k]),
+            _value(p, others[k]),
+            float(error[k] / size[k]),
+            float(abs(n_errors[k])),
         )
         for k, p in enumerate(free)
         if known[k]

@@ -320,7 +320,9 @@ def _result(
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)
     judgement = unless_training_tells(judgement, found.runner_up, split)
-    judgement = unless_inconstant(judgement, constancy(found.model, found.final, split))
+    constant = constancy(found.model, found.final, split)
+    judgement = unless_inconstant(judgement, constant)
+    findings = tuple(replace(finding, twice=constant.of_cause(finding.cause)) for finding in findings)
     everything = with_probabilities(findings, judgement)
     beaten = {step.accepted.cause for step in steps if step.is_beaten}
     findings = tuple(finding for finding in everything if finding.cause not in beaten)

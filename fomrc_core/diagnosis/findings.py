@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fomrc_core.diagnosis.constancy import ParameterTwice
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
 from fomrc_core.diagnosis.present_model import residual_inflation
@@ -39,6 +40,7 @@ class Finding:
         margin: by how much it is likelier than the next cause, in log likelihood [1]; see `Step`.
         whitened_margin: the same where the noise is whitened.
         probability: that it is the cause, and not another or one that is not in the library [1].
+        twice: its parameters as learned beside those that held-out data alone ask for, where both are known.
     """
 
     cause: str
@@ -53,6 +55,7 @@ class Finding:
     margin: float = math.nan
     whitened_margin: float = math.nan
     probability: float = float("nan")
+    twice: tuple[ParameterTwice, ...] = ()
 
     def __str__(self) -> str:
         return self.sentence()

@@ -90,7 +90,7 @@ def search(
         chosen = None
         if len(state.steps) < MAX_FINDINGS:
             tell(share + 0.05, "refit of the likely causes")
-            candidates, chosen = _asked(state, present, split, screened, len(causes), executor)
+            candidates, chosen = _asked(state, present, split, screened, causes, executor)
             if chosen is None:
                 chosen = _any_pair(state, candidates, split, wanted, len(causes), executor)
             else:
@@ -167,7 +167,7 @@ def _asked(
     present: PresentModel,
     split: DataSplit,
     screened: tuple[Screened, ...],
-    n_causes: int,
+    causes: tuple[str, ...],
     executor: Executor | None,
 ) -> tuple[list[Candidate], tuple[_SearchState, Candidate] | None]:
     """Return the candidates, and the one to accept with the state before it, None where there is none.
@@ -180,11 +180,11 @@ def _asked(
         by_cause = worth_a_refit(present, split, screened)
         tier = refitted(present, split, by_cause, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
-        accepted = next((c for c in tier if is_accepted(c, n_causes) and _is_no_wander(c, split)), None)
+        accepted = next((c for c in tier if is_accepted(c, len(causes)) and _is_no_wander(c, split)), None)
         if accepted is not None:
-            likeliest = likelier(accepted, candidates, split, n_causes)
-            candidates = with_special_case(likeliest, candidates, present, split)
-            return candidates, (state, simplest(likeliest, candidates, split, n_causes))
+            likeliest = likelier(accepted, candidates, split, len(causes))
+            candidates = with_special_case(likeliest, candidates, present, split, causes)
+            return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
         if not asked or state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.present_model import PresentModel
@@ -11,15 +13,22 @@ from fomrc_core.model.causes import cause_classes
 
 
 def with_special_case(
-    winner: Candidate, candidates: list[Candidate], present: PresentModel, split: DataSplit
+    winner: Candidate, candidates: list[Candidate], present: PresentModel, split: DataSplit, causes: Sequence[str]
 ) -> list[Candidate]:
     """Return the candidates, the special case of the winner begun where that has come to as well.
 
     From its own trials a lag of many samples may come to rest far from there.
+
+    Args:
+        winner: the likeliest.
+        candidates: all there are.
+        present: the present model.
+        split: records.
+        causes: names that are asked for: a special case that is not is none.
     """
     effect = next((e for e in winner.fitted.model.effects if e.name == winner.cause), None)
     special = effect.special_case() if effect is not None else {}
-    if effect is None or not special or present.model.has(effect.generalizes):
+    if effect is None or not special or effect.generalizes not in causes or present.model.has(effect.generalizes):
         return candidates
     begun = [kind for kind in cause_classes()[effect.generalizes].proposed([special]) if isinstance(kind, Effect)]
     if not begun:

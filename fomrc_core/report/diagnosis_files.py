@@ -164,6 +164,9 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "gain": finding.gain,
         "p_value": finding.p_value,
         "probability": finding.probability,
+        "parameters_of_held_out_data_alone": {
+            pair.parameter: {"value": pair.held_out, "standard_errors_apart": pair.n_errors} for pair in finding.twice
+        },
         "evidence": finding.evidence,
         "meaning": finding.meaning,
     }

@@ -15,6 +15,7 @@ from fomrc_core.report.quantities import length, quantity
 from fomrc_core.report.residual_panels import diagnosis_figure
 
 if TYPE_CHECKING:
+    from fomrc_core.diagnosis.constancy import ParameterTwice
     from fomrc_core.diagnosis.diagnosis import Diagnosis
     from fomrc_core.diagnosis.findings import Finding
 
@@ -113,7 +114,8 @@ def _simulated(diagnosis: Diagnosis) -> str:
 
 def _cause(number: int, finding: Finding) -> str:
     kind = cause_classes()[finding.cause]
-    rows: list[tuple[str, str, str]] = []
+    rows: list[tuple[str, str, str, str]] = []
+    twice = {pair.parameter: pair for pair in finding.twice}
     for spec in kind.parameters:
         if spec.name not in finding.parameters:
             continue
@@ -126,13 +128,18 @@ def _cause(number: int, finding: Finding) -> str:
             (
                 f"<code>{html.escape(spec.name)}</code>",
                 shown if rows else f"<span class='big'>{shown}</span>",
+                _held_out(twice.get(spec.name), spec.unit),
                 prose(spec.description),
             )
         )
     chance = quantity(finding.p_value, "1", n_digits=2)
     return (
         f"<div class='cause'><h3>{number}. <code>{html.escape(finding.cause)}</code></h3><p>{prose(kind.meaning)}</p>"
-        + table(f"Parameters of {finding.cause}", ("parameter", "value ± standard error", "what it is"), rows)
+        + table(
+            f"Parameters of {finding.cause}",
+            ("parameter", "value ± standard error", "from held-out data alone", "what it is"),
+            rows,
+        )
         + f"<p>Held-out error <b>{finding.nrmse_percent_test_before:.4g} % → {finding.nrmse_percent_test_after:.4g} "
         f"%</b>: {100.0 * finding.gain:.3g} % of what was above the noise; p = {chance}. "
         f"Probability that this is the cause: <b>{100.0 * finding.probability:.0f} %</b>.</p>"
@@ -140,6 +147,12 @@ def _cause(number: int, finding: Finding) -> str:
         f"Best seen with: {prose(kind.experiment)}.<br>"
         f"Compensator: {prose(kind.inverse_note)}.</p></div>"
     )
+
+
+def _held_out(pair: ParameterTwice | None, unit: str) -> str:
+    if pair is None:
+        return ""
+    return f"{html.escape(_parameter(pair.held_out, unit, None))}, {pair.n_errors:.1f} standard errors apart"
 
 
 def _without_findings(diagnosis: Diagnosis) -> Iterator[str]:
