@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording
 
-_RATE_HZ, _NOISE_UM = 1000.0, 2e-4
+_RATE_HZ, _NOISE_UM, _ORDER = 1000.0, 1e-3, 0.02
 _NOISE = Judgement(_NOISE_UM, True, 0.0, (), ())
 
 
@@ -24,12 +26,13 @@ def _drive_v(kind: str) -> np.ndarray:
     if kind == "slow":
         way_v = (0.8 - 0.1 * time_s) * np.sin(2.0 * np.pi * 1.1 * time_s) + 0.2 * np.sin(2.0 * np.pi * 4.3 * time_s)
     else:
-        way_v = 0.7 * np.sin(2.0 * np.pi * 30.0 * time_s) * np.sin(2.0 * np.pi * 0.3 * time_s)
+        way_v = 0.5 * np.sin(2.0 * np.pi * 9.0 * time_s) * np.sin(2.0 * np.pi * 0.3 * time_s)
+        way_v = way_v + 0.5 * np.sin(2.0 * np.pi * 30.0 * time_s) * np.sin(2.0 * np.pi * 0.2 * time_s)
     return way_v
 
 
 def _lagging_um(drive_v: np.ndarray, cutoff_hz: float, delay_s: float, seed: int) -> np.ndarray:
-    """Three plays behind a lag or a delay, each stepped twenty times a sample, with white noise."""
+    """Three plays behind a lag or a delay, each stepped twenty times a sample, creep behind them, and white noise."""
     at = np.arange(20 * drive_v.size) / 20.0 - delay_s * _RATE_HZ
     fine = np.interp(at, np.arange(drive_v.size), drive_v)
     late = fine.copy()
@@ -44,7 +47,13 @@ def _lagging_um(drive_v: np.ndarray, cutoff_hz: float, delay_s: float, seed: int
             held = min(max(held, value - width), value + width)
             play[k] = held
         moved = moved + weight * (play - play[0])
-    return moved[::20] + np.random.default_rng(seed).normal(0.0, _NOISE_UM, drive_v.size)
+    # each sample's step, a ramp, has come to t^order / Gamma(1 + order) of itself in the mean
+    n = np.arange(drive_v.size)
+    crept = (n + 1.0) ** (1.0 + _ORDER) - n ** (1.0 + _ORDER)
+    crept = crept * _RATE_HZ**-_ORDER / math.gamma(2.0 + _ORDER)
+    steps_um = np.diff(moved[::20], prepend=0.0)
+    noise_um = np.random.default_rng(seed).normal(0.0, _NOISE_UM, drive_v.size)
+    return np.convolve(steps_um, crept)[: drive_v.size] + noise_um
 
 
 def _constancy(
@@ -88,7 +97,7 @@ def test_a_cause_that_has_changed_is_told_with_both_values():
 
 def test_what_stands_in_for_a_lag_needs_another_size_under_another_drive():
     """A delay in the place of a lag: at a frequency of its cutoff and far below it the same lag delays differently."""
-    found = _constancy(TransportDelay(0.01), (8.0, 0.0), (8.0, 0.0))
+    found = _constancy(TransportDelay(0.01), (12.0, 0.0), (12.0, 0.0))
     assert found.is_broken
     assert found.of_cause("amplifier_bandwidth") == ()
 
@@ -98,5 +107,5 @@ def test_nothing_is_compared_where_nothing_was_found():
     time_s = np.arange(drive_v.size) / _RATE_HZ
     record = Recording(time_s, drive_v, _lagging_um(drive_v, np.inf, 0.0, 3))
     split = split_data((record,), record, None, _NOISE_UM)
-    plain = TrialModel(ColumnKinds.plays(np.array([0.0, 0.25])), np.array([1.5, 0.5]), 0.0, (), ((), ()))
+    plain = TrialModel(ColumnKinds.plays(np.array([0.0, 0.25])), np.array([1.5, 0.5]), _ORDER, (), ((), ()))
     assert constancy(plain, refit(plain, split.train), split) == Constancy(0.0, ())
