@@ -3,4 +3,14 @@
 ``diagnose`` is the way in.
 """
 
-__all__ = ["axes", "constancy", "detectable", "diagnosis", "findings", "judgement", "unnamed_extension", "watch"]
+__all__ = [
+    "axes",
+    "constancy",
+    "detectable",
+    "diagnosis",
+    "findings",
+    "judgement",
+    "record_view",
+    "unnamed_extension",
+    "watch",
+]

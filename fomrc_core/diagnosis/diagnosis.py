@@ -21,7 +21,7 @@ from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
@@ -30,9 +30,10 @@ from fomrc_core.diagnosis.long_search import LongSearch
 from fomrc_core.diagnosis.looked_over import LookedOver
 from fomrc_core.diagnosis.missing_elements import coarse_model, missing_step, n_elements_needed
 from fomrc_core.diagnosis.next_experiment import propose
-from fomrc_core.diagnosis.prepared import Prepared, best_residual
+from fomrc_core.diagnosis.prepared import Prepared
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
+from fomrc_core.diagnosis.record_view import RecordView, record_views
+from fomrc_core.diagnosis.remainder import dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.slow_rest import is_slower_than_seen
 from fomrc_core.diagnosis.step import Step
@@ -45,8 +46,8 @@ from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.noise import NoiseFloor, noise_floor, rounding_of, sensor_rounding_um
-from fomrc_core.records.quality import DataQuality, bridged
+from fomrc_core.records.noise import NoiseFloor, rounding_of
+from fomrc_core.records.quality import DataQuality
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
 from fomrc_core.records.usability import check_usable
@@ -56,35 +57,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class RecordView:
-    """One record before and after, arrays of shape (n_samples,).
-
-    Attributes:
-        name: of the record.
-        role: "train", "test" or "report".
-        time_s: time from its start [s].
-        voltage_v: drive [V].
-        measured_um: measured displacement [um].
-        residual_before_um: measured minus the base model [um], offset removed.
-        residual_after_um: measured minus the extended model [um], offset removed.
-        is_scored: samples that say something of the model, those that are not valid left out.
-    """
-
-    name: str
-    role: str
-    time_s: Array
-    voltage_v: Array
-    measured_um: Array
-    residual_before_um: Array
-    residual_after_um: Array
-    is_scored: NDArray[np.bool_]
-
-    def __str__(self) -> str:
-        before, after = 1e3 * rms(self.residual_before_um), 1e3 * rms(self.residual_after_um)
-        return f"{self.name} ({self.role}): {self.time_s.size} samples, rms {before:.4g} nm -> {after:.4g} nm"
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,13 +204,17 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     wanted = {name: kind for name, kind in cause_classes().items() if name not in asked.excluded_causes}
     causes = tuple(name for name, kind in wanted.items() if kind.is_named and not kind.adds_elements)
     tell(0.02, "noise floor and base model")
-    prepared = Prepared.of(looked)
+    prepared = given = Prepared.of(looked)
     tell(0.05, "what the base model leaves")
     if known is None:
-        prepared = prepared.looked_again()
+        prepared = given.looked_again()
+    found = _causes_of(prepared, causes, asked, tell, known)
+    as_read = prepared.explained_moves(given, found.model)
+    if as_read:
+        # what was found in other records explains what looked like lost or doubled samples in these
+        prepared = given.looked_again(as_read)
+        found = _causes_of(prepared, causes, asked, tell, known)
     looked, noise, split, base = prepared.looked, prepared.noise, prepared.split, prepared.base
-    start = base if known is None else known.start(base, split, asked.executor)
-    found = search(start, split, causes, tell, asked.executor)
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
     coarse = coarse_model(asked.model, split) if asked.model is not None else None
     first: Step | None = None
@@ -248,6 +224,15 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     before = base if first is None else coarse or base
     result = _result(split, noise, before, found, first, tell, () if known is None else known.known)
     return replace(result, data_quality=looked.quality)
+
+
+def _causes_of(
+    prepared: Prepared, causes: tuple[str, ...], asked: Asked, tell: Progress, known: LongSearch | None
+) -> SearchResult:
+    """Return what a search of prepared records comes to, from causes that act whatever is found, where there are."""
+    split, base = prepared.split, prepared.base
+    start = base if known is None else known.start(base, split, asked.executor)
+    return search(start, split, causes, tell, asked.executor)
 
 
 def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
@@ -298,7 +283,7 @@ def _result(
     found, extension = never_worse(found, base, split, has_elements=first is not None)
     steps = (first, *found.steps) if first is not None and not extension.is_base else found.steps
     tell(0.97, "what remains")
-    records, worst, floor = _views(split, base, extension.trial, noise)
+    records, worst, floor = record_views(split, base, extension.trial, noise)
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
     rounding_um = rounding_of(quoted_um)
     floor = max(floor, rounding_um)
@@ -308,7 +293,7 @@ def _result(
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
     tied = next((s.tied for s in reversed(steps) if s.tied), ())
-    driven = [_driven(view) for view in records]
+    driven = [view.driven() for view in records]
     tests = dependences(driven)
     sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor, noise.slowest_seen_s)
     if not sees_slow:
@@ -335,7 +320,7 @@ def _result(
         trial, described = unnamed
         written = as_written(trial, split)
         after = rms(np.concatenate(held_residuals(trial, split.report)))
-        records, _, _ = _views(split, base, trial, noise)
+        records, _, _ = record_views(split, base, trial, noise)
     return Diagnosis(
         status=status,
         judgement=judgement,
@@ -356,42 +341,3 @@ def _result(
         unnamed=described,
         stand_ins=tuple(finding for finding in everything if finding.cause in beaten),
     )
-
-
-def _driven(view: RecordView) -> DrivenRecord:
-    return DrivenRecord(
-        view.time_s, view.voltage_v, view.measured_um - view.residual_after_um, view.residual_after_um, view.is_scored
-    )
-
-
-def _views(
-    split: DataSplit, base: TrialModel, model: TrialModel, noise: NoiseFloor
-) -> tuple[tuple[RecordView, ...], float, float]:
-    """Return the records before and after, the worst rms of any, and the floor with what was found taken out."""
-    roles = [("train", HeldOut(record, i)) for i, record in enumerate(split.train)]
-    roles += [("test", h) for h in split.held if h.index >= len(split.train)]
-    roles += [("report", h) for h in split.report if h.index > len(split.train)]
-    views, errors, cleaned = [], [], []
-    for role, part in roles:
-        record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
-        # what was read at samples that are not valid is no residual, and is shown as none
-        valid = record.recording.valid_samples
-        before = bridged(best_residual(base, record, part.index), valid)
-        after = bridged(best_residual(model, record, part.index), valid)
-        views.append(
-            RecordView(
-                record.recording.name,
-                role,
-                record.time_s,
-                record.voltage_v,
-                record.measured_um,
-                before,
-                after,
-                record.is_used,
-            )
-        )
-        errors.append(rms(after[record.is_used]))
-        if role == "train":
-            cleaned.append(replace(record.recording, displacement_um=after))
-    again_um = max(noise_floor(cleaned).floor_um, sensor_rounding_um([r.recording for r in split.train]))
-    return tuple(views), max(errors), min(noise.floor_um, again_um)

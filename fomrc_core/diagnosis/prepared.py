@@ -7,7 +7,7 @@ and looked for again while a record gets better by it. A record that is not much
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,12 +41,14 @@ class Prepared:
         noise: floor known before any model.
         split: what is learnt from, held out and quoted on.
         base: the model without causes.
+        moved: records of which readings were moved for samples that were lost or doubled, by their numbers.
     """
 
     looked: LookedOver
     noise: NoiseFloor
     split: DataSplit
     base: TrialModel
+    moved: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, looked: LookedOver) -> Prepared:
@@ -57,16 +59,39 @@ class Prepared:
 
     def residuals(self) -> list[Array]:
         """Return what the base leaves of each record, learnt from or held out [um], in their order."""
+        return [best_residual(self.base, record, index) for index, record in sorted(self._records().items())]
+
+    def looked_again(self, as_read: frozenset[int] = frozenset()) -> Prepared:
+        """Return the same with what stands out of the base's residuals mended or left out.
+
+        Args:
+            as_read: records of which no reading is to be moved, by their numbers.
+        """
+        mended = _without_slips(self, as_read)
+        again = mended.looked.again(mended.residuals())
+        return mended if again is mended.looked else replace(Prepared.of(again), moved=mended.moved)
+
+    def explained_moves(self, given: Prepared, model: TrialModel) -> frozenset[int]:
+        """Return the records whose readings were moved for what a model explains without: a clock that drifts does.
+
+        Readings are moved before any cause is known, and record by record; what was found in others may say more.
+
+        Args:
+            given: the records as they were.
+            model: with the causes found.
+        """
+        moved, as_read = self._records(), given._records()
+        return frozenset(i for i in self.moved if _error_um(model, as_read[i], i) <= _error_um(model, moved[i], i))
+
+    def _records(self) -> dict[int, FitRecord]:
+        """Return all records by their numbers, every sample used that may be."""
         everything = [HeldOut(record, i) for i, record in enumerate(self.split.train)]
         everything += [h for h in (*self.split.held, *self.split.report) if h.index >= len(self.split.train)]
-        found = {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
-        return [best_residual(self.base, record, index) for index, record in sorted(found.items())]
+        return {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
 
-    def looked_again(self) -> Prepared:
-        """Return the same with what stands out of the base's residuals mended or left out."""
-        mended = _without_slips(self)
-        again = mended.looked.again(mended.residuals())
-        return mended if again is mended.looked else Prepared.of(again)
+
+def _error_um(model: TrialModel, record: FitRecord, index: int) -> float:
+    return rms(best_residual(model, record, index)[record.is_used])
 
 
 def best_residual(model: TrialModel, record: FitRecord, index: int) -> Array:
@@ -78,7 +103,7 @@ def best_residual(model: TrialModel, record: FitRecord, index: int) -> Array:
     return min(found, key=lambda r: rms(r[record.is_used]))
 
 
-def _without_slips(given: Prepared) -> Prepared:
+def _without_slips(given: Prepared, as_read: frozenset[int]) -> Prepared:
     left = given.residuals()
     before_um = _errors(given.looked.records, left)
     slips: list[tuple[Slip, ...]] = [() for _ in left]
@@ -93,9 +118,12 @@ def _without_slips(given: Prepared) -> Prepared:
     after_um = _errors(now.looked.records, now.residuals())
     lagging_um = [min(pair) for pair in zip(_left_by_lags(given), _left_by_delays(given, slips), strict=True)]
     for i in range(len(slips)):
-        if after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um[i]):
+        if i in as_read or after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um[i]):
             slips[i] = ()
-    return Prepared.of(given.looked.without_slips(slips)) if any(slips) else given
+    if not any(slips):
+        return given
+    moved = frozenset(i for i, own in enumerate(slips) if own)
+    return replace(Prepared.of(given.looked.without_slips(slips)), moved=moved)
 
 
 def _left_by_lags(given: Prepared) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,13 +14,18 @@ from fomrc_core.effects.base.linear_modes import pairs_at_rest, pairs_form, run_
 from fomrc_core.effects.base.step_form import StepForm
 
 _MOST_POLES = 4
+_N_NEWTON = 6  # to rounding
+# Ratio of neighbouring poles of stages that are all alike: equal ones have no modes of their own, and of two that
+# differ so little the response is within half a percent of that of equal ones.
+_APART = 1.1
 
 
 @dataclass(frozen=True)
 class SensorBandwidth(Effect):
-    """Butterworth low-pass of the displacement as it is read, exact for a displacement linear between samples.
+    """Low-pass of the displacement as it is read, exact for a displacement linear between samples.
 
-    It stands among the mechanics, not with what is done at the samples, for what it filters has moved in between.
+    A Butterworth filter, or stages one behind the other, each with one pole and all alike (resistor and capacitor). It
+    stands among the mechanics, not with what is done at the samples, for what it filters has moved in between.
     """
 
     name: ClassVar[str] = "sensor_bandwidth"
@@ -29,9 +35,10 @@ class SensorBandwidth(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("cutoff_hz", "Hz", 1e-7, 1e9, is_log=True, description="-3 dB frequency"),
         Parameter("n_poles", "1", 1.0, float(_MOST_POLES), description="number of poles, a whole number"),
+        Parameter("in_stages", "1", 0.0, 1.0, description="1: a stage for each pole, all alike; 0: Butterworth"),
     )
     main_parameter: ClassVar[str] = "cutoff_hz"
-    held_parameters: ClassVar[tuple[str, ...]] = ("n_poles",)
+    held_parameters: ClassVar[tuple[str, ...]] = ("n_poles", "in_stages")
     meaning: ClassVar[str] = "The sensor's electronics or the recorder's filter smooth the reading, so that it lags."
     signature: ClassVar[str] = (
         "residual follows the rate of the displacement, hysteresis and creep with it, much as behind a slow amplifier"
@@ -46,37 +53,45 @@ class SensorBandwidth(Effect):
 
     cutoff_hz: float
     n_poles: float = 1.0
+    in_stages: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "n_poles", float(round(self.n_poles)))
+        # one pole is one stage, whatever it is called
+        object.__setattr__(self, "in_stages", float(round(self.in_stages)) if self.n_poles > 1.0 else 0.0)
 
     def form(self) -> tuple[str, ...]:
-        """Return the parameters a fit moves, and the number of poles: four lag as a delay does, one does not."""
-        return (*super().form(), f"{self.n_poles:.0f} poles")
+        """Return the parameters a fit moves, and the kind of filter: four poles lag as a delay does, one does not."""
+        return (*super().form(), f"{self.n_poles:.0f} poles", f"{self.in_stages:.0f}")
 
     def initial_state(self) -> Array:
         """Return (input [um] of the step before, then both parts of each pole's mode), at rest."""
-        return pairs_at_rest((int(self.n_poles) + 1) // 2)
+        return pairs_at_rest(len(self._modes()[0]))
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the filtered displacement [um], shape (n_samples,)."""
         out = np.empty(values.size)
-        poles, gains = butterworth_modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))
+        poles, gains = self._modes()
         run_pairs(state, poles, gains, values, steps_s, out)
         return out
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        return pairs_form(*butterworth_modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles)))
+        return pairs_form(*self._modes())
+
+    def _modes(self) -> tuple[Array, Array]:
+        modes = stage_modes if self.in_stages else butterworth_modes
+        return modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[SensorBandwidth]:
-        """Return cutoffs up to the sample rate, beyond which a filter hardly lags, of every number of poles."""
+        """Return cutoffs up to the sample rate, beyond which a filter hardly lags, of every kind."""
         rate = 1.0 / evidence.sample_period_s
+        kinds = [(float(n), stages) for n in range(1, _MOST_POLES + 1) for stages in (0.0, 1.0) if n > 1 or not stages]
         return cls.proposed(
-            {"cutoff_hz": rate * share, "n_poles": float(n_poles)}
-            for n_poles in range(1, _MOST_POLES + 1)
+            {"cutoff_hz": rate * share, "n_poles": n_poles, "in_stages": in_stages}
+            for n_poles, in_stages in kinds
             for share in (0.005, 0.02, 0.08, 0.3, 0.9)
         )
 
@@ -98,3 +113,22 @@ def butterworth_modes(cutoff_per_s: float, n_poles: int) -> tuple[Array, Array]:
     gains = gains[upper] * np.where(poles[upper].imag > 1e-9, 2.0, 1.0)
     poles = poles[upper] * cutoff_per_s
     return np.column_stack((poles.real, poles.imag)), np.column_stack((gains.real, gains.imag))
+
+
+def stage_modes(cutoff_per_s: float, n_poles: int) -> tuple[Array, Array]:
+    """Return poles [1/s] and gains of so many first-order stages one behind the other, each of shape (n_poles, 2).
+
+    Args:
+        cutoff_per_s: -3 dB angular frequency of them all together [rad/s].
+        n_poles: number of stages.
+    """
+    rates = _APART ** (np.arange(n_poles) - 0.5 * (n_poles - 1.0))
+    # Newton's way to the frequency at which they pass half the power
+    log_power, cutoff = math.log(2.0), math.sqrt(2.0 ** (1.0 / n_poles) - 1.0)
+    for _ in range(_N_NEWTON):
+        squares = (cutoff / rates) ** 2
+        slope = float(np.sum(2.0 * cutoff / rates**2 / (1.0 + squares)))
+        cutoff -= (float(np.sum(np.log1p(squares))) - log_power) / slope
+    gains = np.array([np.prod([q / (q - p) for k, q in enumerate(rates) if k != j]) for j, p in enumerate(rates)])
+    still = np.zeros(n_poles)
+    return np.column_stack((-rates / cutoff * cutoff_per_s, still)), np.column_stack((gains, still))

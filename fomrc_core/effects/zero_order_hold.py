@@ -14,8 +14,9 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
-_MOST_SAMPLES = 20  # held longer, each level is seen in the displacement itself
-_N_TRIALS = 2
+_FEW_SAMPLES = 20  # held longer, each level is seen in the displacement itself: one trial does
+_MOST_SAMPLES = 200  # a command of some hertz beside a sensor of a kilohertz
+_N_TRIALS = 2  # of few samples, which are all much like a delay
 _N_PARTS_JUMPING = 16  # a jump over a part: of what a hold does to a lag of two samples it misses a twentieth
 _LONGEST_UNDONE = 1.5  # samples, where a hold is one to which the clocks of command and converter do not quite agree
 
@@ -142,7 +143,8 @@ class ZeroOrderHold(Effect):
         chance, and records of other rates would show it.
         """
         gains = {n: sum(_likeness(r, n) for r in evidence.records) for n in range(1, _MOST_SAMPLES + 1)}
-        likeliest = sorted(gains, key=lambda n: -gains[n])[:_N_TRIALS]
+        ordered = sorted(gains, key=lambda n: -gains[n])
+        likeliest = [n for n in ordered if n <= _FEW_SAMPLES][:_N_TRIALS] + [n for n in ordered if n > _FEW_SAMPLES][:1]
         return cls.proposed({"hold_s": n * evidence.sample_period_s, "per_sample": float(n == 1)} for n in likeliest)
 
 

@@ -25,7 +25,8 @@ from fomrc_core.report.residual_views import (
 )
 
 if TYPE_CHECKING:
-    from fomrc_core.diagnosis.diagnosis import Diagnosis, RecordView
+    from fomrc_core.diagnosis.diagnosis import Diagnosis
+    from fomrc_core.diagnosis.record_view import RecordView
 
 Array = NDArray[np.float64]
 

@@ -174,7 +174,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
 
     final = replace(leak.fitted, squared_error=left * split.noise_um**2 * split.n_used)
     state = search._SearchState(final.model, (), final, frozenset())
-    candidates, chosen = search._asked(state, None, split, trials, 18, None)  # type: ignore[arg-type]
+    candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None)  # type: ignore[arg-type]
     if left > search._MUCH_LEFT:
         assert chosen is not None
         assert chosen[1].cause == "charge_leak"

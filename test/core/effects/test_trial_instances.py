@@ -8,6 +8,7 @@ import pytest
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.dac_quantization import DacQuantization
 from fomrc_core.effects.mains_hum import MainsHum
+from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 
 
 def record_of(voltage_v: np.ndarray, residual_um: np.ndarray, step_s: float) -> RecordEvidence:
@@ -77,3 +78,14 @@ def test_a_converter_step_is_found_however_many_samples_it_lasts(samples_per_ste
     record = record_of(voltage_v, rounding + smooth + 0.3 * step_v * rng.standard_normal(n), 1e-3)
     steps_v = [trial.step_v for trial in DacQuantization.screening(Evidence((record,), 1e-3))]
     assert min(abs(found / step_v - 1.0) for found in steps_v) < 2e-3
+
+
+@pytest.mark.parametrize("n_held", [2, 17, 70, 160])
+def test_a_hold_of_any_number_of_samples_is_tried(n_held: int) -> None:
+    n, step_s = 8000, 1e-3
+    t = np.arange(n) * step_s
+    drive = np.sin(2.0 * np.pi * 2.0 * t) + 0.3 * np.sin(2.0 * np.pi * 3.1 * t)
+    held = drive[(np.arange(n) // n_held) * n_held]
+    noise = 0.01 * np.random.default_rng(5).standard_normal(n)
+    trials = ZeroOrderHold.screening(Evidence((record_of(drive, 0.7 * (held - drive) + noise, step_s),), 0.01))
+    assert n_held * step_s in [pytest.approx(trial.hold_s) for trial in trials]

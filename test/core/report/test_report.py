@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from fomrc_core.cli.application import run
-from fomrc_core.diagnosis.diagnosis import Diagnosis, RecordView, Status
+from fomrc_core.diagnosis.diagnosis import Diagnosis, Status
 from fomrc_core.diagnosis.findings import Finding
 from fomrc_core.diagnosis.judgement import judge
+from fomrc_core.diagnosis.record_view import RecordView
 from fomrc_core.diagnosis.remainder import Dependence
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mains_hum import MainsHum
