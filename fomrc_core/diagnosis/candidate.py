@@ -15,6 +15,7 @@ from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import HeldView, Screened
+from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -218,7 +219,10 @@ def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
 def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, float]) -> Candidate | None:
     present, split, begun, least_um2 = task
     fitted = gone_on(present, split, begun, least_um2)
-    return None if fitted is None else candidate_of(present, split, begun.cause, fitted, begun.is_bound)
+    try:
+        return None if fitted is None else candidate_of(present, split, begun.cause, fitted, begun.is_bound)
+    except ParameterError:
+        return None  # what another record cannot be simulated with is no model of the actuator
 
 
 def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
@@ -227,12 +231,21 @@ def _at_rest(task: tuple[PresentModel, DataSplit, Candidate]) -> Candidate:
     fitted = fit_until_still(candidate.fitted.model, split.train)
     if fitted.squared_error >= candidate.fitted.squared_error:
         return candidate
-    return candidate_of(present, split, candidate.cause, fitted, candidate.is_bound)
+    try:
+        return candidate_of(present, split, candidate.cause, fitted, candidate.is_bound)
+    except ParameterError:
+        return candidate
 
 
 def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Refit, bound: bool) -> Candidate:
-    """Return the candidate of a joint refit, scored on held-out data beside the present model."""
+    """Return the candidate of a joint refit, scored on held-out data beside the present model.
+
+    Raises:
+        ParameterError: a record that held-out or quoted data belong to cannot be simulated with it, as where a delay
+            holds more samples than there is room for.
+    """
     model = present.model
+    held_residuals(fitted.model, split.report)
     before, after = _held_pair(model, fitted, split, cause, bound)
     n_free = len(free_parameters(fitted.model)) - len(free_parameters(model))
     longest = max(float(record.time_s[-1]) for record in split.train)

@@ -354,10 +354,14 @@ def _best_beside(
 
 
 def _pruned(state: _SearchState, split: DataSplit, executor: Executor | None) -> _SearchState:
-    """Return what stands after every cause has been tested again; the last must have taught something as well."""
-    for step in state.steps:
+    """Return what stands after every cause has been tested again; the last must have taught something as well.
+
+    One that goes may have been all that another was needed beside, so that those that are left are tested once more.
+    """
+    given = state.steps
+    for step in given:
         name = step.accepted.cause
-        is_last = step is state.steps[-1]
+        is_last = step is given[-1]
         if not state.model.has(name):
             continue
         lesser = refit(state.model.without(name), split.train, n_iterations=6, executor=executor)
@@ -381,7 +385,7 @@ def _pruned(state: _SearchState, split: DataSplit, executor: Executor | None) ->
         # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
         if ratios and max(ratios) < _LEAST_SIGMAS and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
             state = _without_step(state, step, state.model.without(name), split, executor)
-    return state
+    return state if not state.steps or len(state.steps) == len(given) else _pruned(state, split, executor)
 
 
 def _without_step(

@@ -11,7 +11,7 @@ from fomrc_core.compute.compiled import compiled
 
 Array = NDArray[np.float64]
 
-DELAY_CAPACITY = 4096  # steps a delay line holds: 64 kB of state
+DELAY_CAPACITY = 4096  # steps a delay line keeps from call to call: 64 kB of state
 _SERIES_BELOW = 0.25  # of the ratio: there ten terms are exact to rounding, and the closed form loses digits
 _DELAY_HEADER = 3  # count, elapsed time [s], reading place
 
@@ -71,43 +71,55 @@ def delay_state() -> Array:
 def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: Array) -> bool:
     """Fill ``out`` with the values ``delay_s`` ago, linear between samples; before the start they were zero.
 
+    What is given in one call is read from there, so that of a whole record a delay may hold any number of samples; from
+    one call to the next the line keeps its capacity.
+
     Returns whether the delay line was long enough for every sample.
     """
-    count = int(state[0])
+    before = int(state[0])  # samples of former calls
     elapsed = state[1]
     reader = int(state[2])  # how many samples are not younger than what is read
-    times = _DELAY_HEADER
-    stored = _DELAY_HEADER + DELAY_CAPACITY
+    times = np.empty(values.size)
     is_long_enough = True
     for k in range(values.size):
         elapsed += steps_s[k]
-        slot = count % DELAY_CAPACITY
-        state[times + slot] = elapsed
-        state[stored + slot] = values[k]
-        count += 1
+        times[k] = elapsed
+        count = before + k + 1
         wanted = elapsed - delay_s
         # Both ways: a changed delay takes over the state of another.
-        while reader < count and state[times + reader % DELAY_CAPACITY] <= wanted:
+        while reader < count and _kept(state, before, times, reader, 0) <= wanted:
             reader += 1
-        while reader > 0 and state[times + (reader - 1) % DELAY_CAPACITY] > wanted:
+        while reader > 0 and _kept(state, before, times, reader - 1, 0) > wanted:
             reader -= 1
         if reader == count:
             out[k] = values[k]
             continue
-        earlier_time, earlier_value = 0.0, 0.0
-        if wanted > 0.0 and count - reader >= DELAY_CAPACITY:
-            is_long_enough = False  # what is to be read has been overwritten
-        if reader > 0:
-            earlier = (reader - 1) % DELAY_CAPACITY
-            earlier_time, earlier_value = state[times + earlier], state[stored + earlier]
-        later = reader % DELAY_CAPACITY
         if wanted <= 0.0:
             out[k] = 0.0
-        else:
-            share = (wanted - earlier_time) / (state[times + later] - earlier_time)
-            out[k] = earlier_value + share * (state[stored + later] - earlier_value)
-    state[0], state[1], state[2] = float(count), elapsed, float(reader)
+            continue
+        earlier_time, earlier_value = 0.0, 0.0
+        if reader > 0:
+            if reader - 1 < before - DELAY_CAPACITY:
+                is_long_enough = False  # what is to be read has been overwritten
+            earlier_time = _kept(state, before, times, reader - 1, 0)
+            earlier_value = _kept(state, before, values, reader - 1, DELAY_CAPACITY)
+        later_time = _kept(state, before, times, reader, 0)
+        later_value = _kept(state, before, values, reader, DELAY_CAPACITY)
+        share = (wanted - earlier_time) / (later_time - earlier_time)
+        out[k] = earlier_value + share * (later_value - earlier_value)
+    for k in range(max(0, values.size - DELAY_CAPACITY), values.size):
+        slot = _DELAY_HEADER + (before + k) % DELAY_CAPACITY
+        state[slot], state[slot + DELAY_CAPACITY] = times[k], values[k]
+    state[0], state[1], state[2] = float(before + values.size), elapsed, float(reader)
     return is_long_enough
+
+
+@compiled
+def _kept(state: Array, before: int, present: Array, number: int, offset: int) -> float:
+    """Return what a sample had, of this call or kept from those before it."""
+    if number >= before:
+        return float(present[number - before])
+    return float(state[_DELAY_HEADER + offset + number % DELAY_CAPACITY])
 
 
 @compiled

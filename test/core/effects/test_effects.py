@@ -239,11 +239,14 @@ def test_delay_reads_the_linear_past(jitter, delay_s):
     assert relative(effect.run(effect.initial_state(), values, steps_s), exact) <= 1e-12
 
 
-def test_a_delay_longer_than_the_delay_line_is_refused():
+def test_a_delay_longer_than_the_delay_line_is_refused_from_call_to_call_and_runs_in_one():
     effect = TransportDelay(delay_s=0.05)
-    steps_s, values = np.full(10_000, 1e-5), np.ones(10_000)
+    steps_s, values = np.full(10_000, 1e-5), np.arange(10_000.0)
+    state = effect.initial_state()
+    found = effect.run(state, values, steps_s)
+    np.testing.assert_allclose(found[6000:], values[6000:] - 5000.0, atol=1e-6)
     with pytest.raises(InputError, match="delay_s"):
-        effect.run(effect.initial_state(), values, steps_s)
+        effect.run(state, values[:10], steps_s[:10])
     # just within its length, and long after it has wrapped around
     effect, values = TransportDelay(delay_s=0.0409), np.sin(np.arange(30_000) / 500.0)
     steps_s = np.full(30_000, 1e-5)
