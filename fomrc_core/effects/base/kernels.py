@@ -98,9 +98,9 @@ def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: 
             out[k] = 0.0
             continue
         earlier_time, earlier_value = 0.0, 0.0
+        if max(reader - 1, 0) < before - DELAY_CAPACITY:
+            is_long_enough = False  # what is to be read has been overwritten
         if reader > 0:
-            if reader - 1 < before - DELAY_CAPACITY:
-                is_long_enough = False  # what is to be read has been overwritten
             earlier_time = _kept(state, before, times, reader - 1, 0)
             earlier_value = _kept(state, before, values, reader - 1, DELAY_CAPACITY)
         later_time = _kept(state, before, times, reader, 0)
