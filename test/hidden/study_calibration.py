@@ -21,9 +21,10 @@ from scipy.optimize import minimize
 if __package__ in (None, ""):
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from test.hidden.study_second import SecondSpec, model_of, plan, recording_of
+from test.hidden import study_second, study_third
 
-_GROUPS = ("null", "known", "new", "removed", "pairs", "faults", "forms")
+_GROUPS = ("null", "known", "new", "removed", "pairs", "triples")
+_GROUPS_OF_THIRD = ("null", "known", "pairs", "unknown", "forms")
 _FOLDS = 5
 
 
@@ -35,26 +36,29 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[dict[str, Any]] = json.loads(options.output.read_text()) if options.output.exists() else []
     done = {row["key"] for row in rows}
-    for spec in (spec for group in _GROUPS for spec in plan(group, "development", options.seeds)):
+    specs: list[study_second.SecondSpec | study_third.ThirdSpec] = []
+    for group in _GROUPS:
+        specs += study_second.plan(group, "development", options.seeds)
+    for group in _GROUPS_OF_THIRD:
+        specs += study_third.plan(group, "development", options.seeds)
+    for spec in specs:
         if spec.key not in done:
             rows += _rows_of(spec)
             options.output.write_text(json.dumps(rows, indent=1))
     report([row for row in rows if row["evidence"] is not None])
 
 
-def _rows_of(spec: SecondSpec) -> list[dict[str, Any]]:
+def _rows_of(spec: study_second.SecondSpec | study_third.ThirdSpec) -> list[dict[str, Any]]:
     """Return a row for each name given in a case, one without evidence where there is none."""
     from fomrc_core.diagnosis.belief import evidence_of
     from fomrc_core.diagnosis.diagnosis import diagnose
     from fomrc_core.errors import RecordingError
-    from fomrc_core.model.causes import cause_classes
 
-    case = spec.draw()
-    train, test, third = (recording_of(record) for record in case.records)
-    excluded = [cause for cause in spec.excluded if cause in cause_classes()]
+    recordings, model, excluded = _drawn(spec)
+    train, test, third = recordings
     none: list[dict[str, Any]] = [{"key": spec.key, "evidence": None}]
     try:
-        found = diagnose(train, test=test, report=third, model=model_of(case), excluded_causes=excluded)
+        found = diagnose(train, test=test, report=third, model=model, excluded_causes=excluded)
     except RecordingError as error:
         print(spec.key, f"refused: {error}", flush=True)
         return none
@@ -63,12 +67,25 @@ def _rows_of(spec: SecondSpec) -> list[dict[str, Any]]:
         {
             "key": spec.key,
             "cause": finding.cause,
-            "is_right": finding.cause in case.causes and finding.cause not in excluded,
+            "is_right": finding.cause in spec.causes and finding.cause not in excluded,
             "evidence": list(evidence_of(finding, found.judgement)),
             "status": found.status.value,
         }
         for finding in found.findings
     ] or none
+
+
+def _drawn(spec: study_second.SecondSpec | study_third.ThirdSpec) -> tuple[list[Any], Any, list[str]]:
+    """Return the three recordings of a case, the model that is handed over, and the causes not to try."""
+    from fomrc_core.model.causes import cause_classes
+
+    if isinstance(spec, study_third.ThirdSpec):
+        third = spec.draw()
+        recordings = [study_third.recording_of(record) for record in third.records]
+        return recordings, study_third.model_of(third, recordings[0]), []
+    second = spec.draw()
+    excluded = [cause for cause in spec.excluded if cause in cause_classes()]
+    return [study_second.recording_of(record) for record in second.records], study_second.model_of(second), excluded
 
 
 def fitted(evidence: np.ndarray, is_right: np.ndarray) -> np.ndarray:
