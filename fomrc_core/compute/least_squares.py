@@ -170,6 +170,17 @@ def covariance_of(gram: Array) -> Array:
     return np.asarray(covariance + np.diag(np.where(moves, 0.0, np.inf)))
 
 
+def chi_squared(apart: Array, covariance: Array) -> float:
+    """Return apart' covariance^-1 apart: by how much values differ, in what they may differ by.
+
+    Args:
+        apart: differences, shape (n,).
+        covariance: of the differences, positive definite, shape (n, n).
+    """
+    error = np.sqrt(np.diag(covariance))
+    return float(apart / error @ np.linalg.solve(covariance / np.outer(error, error), apart / error))
+
+
 def non_negative_weights(gram: Array, moment: Array) -> Array:
     """Return the non-negative weights that fit best, from the Gram matrix and the moments, shape (n_columns,).
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.least_squares import chi_squared
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import SURE
 from fomrc_core.diagnosis.judgement import Judgement
@@ -154,7 +155,6 @@ def _compared(learned: _Estimate, other: _Estimate) -> Constancy:
     covariance = learned.covariance[np.ix_(at, at)] + other.covariance[np.ix_(its, its)] + np.diag((_ALIKE * size) ** 2)
     error = np.sqrt(np.diag(covariance))
     n_errors = (others - mine) / error
-    chi_squared = float(n_errors @ np.linalg.solve(covariance / np.outer(error, error), n_errors))
     told = tuple(
         ParameterTwice(
             p.cause,
@@ -167,7 +167,7 @@ def _compared(learned: _Estimate, other: _Estimate) -> Constancy:
         for k, p in enumerate(free)
         if known[k]
     )
-    return Constancy(0.5 * (chi_squared - len(free)), told)
+    return Constancy(0.5 * (chi_squared(others - mine, covariance) - len(free)), told)
 
 
 def _value(parameter: FreeParameter, estimate: float) -> float:

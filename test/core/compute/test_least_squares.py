@@ -7,6 +7,7 @@ import pytest
 
 from fomrc_core.compute import least_squares
 from fomrc_core.compute.least_squares import (
+    chi_squared,
     non_negative_fit,
     non_negative_weights,
     normal_equations,
@@ -106,3 +107,15 @@ def test_rows_in_blocks_give_the_weights_of_all_at_once_and_are_heard(monkeypatc
     np.testing.assert_allclose(columns @ in_blocks, columns @ at_once, atol=1e-9)
     assert np.count_nonzero(at_once) > 3
     assert heard == [0] * 11 + [1]
+
+
+def test_what_differs_together_differs_less_than_one_by_one() -> None:
+    covariance = np.array([[4.0, 1.8], [1.8, 1.0]])
+    apart = np.array([2.0, 0.9])
+    assert chi_squared(apart, covariance) == pytest.approx(float(apart @ np.linalg.inv(covariance) @ apart))
+    assert chi_squared(apart, covariance) < chi_squared(apart, np.diag(np.diag(covariance)))
+    # in whatever units
+    units = np.array([1e-9, 1e6])
+    assert chi_squared(units * apart, covariance * np.outer(units, units)) == pytest.approx(
+        chi_squared(apart, covariance)
+    )

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.cli.application import run
+from fomrc_core.diagnosis.constancy import ParameterTwice
 from fomrc_core.diagnosis.diagnosis import Diagnosis, Status
 from fomrc_core.diagnosis.findings import Finding
 from fomrc_core.diagnosis.judgement import judge
@@ -45,6 +46,7 @@ _FINDING = Finding(
     "held-out error 90 -> 2 nm rms",
     "so the drive lags",
     probability=0.97,
+    twice=(ParameterTwice("amplifier_bandwidth", "cutoff_hz", 41.237, 41.31, 0.02, 0.4),),
 )
 _MODEL = PiezoModel([1.0, 2.0], [0.3], 0.015, (AmplifierBandwidth(41.237), MainsHum(50.0, 0.01, 0.0)))
 
@@ -143,6 +145,7 @@ def test_the_json_is_as_agreed(written: Path) -> None:
         "gain": 0.97,
         "p_value": 3e-9,
         "probability": 0.97,
+        "parameters_of_held_out_data_alone": {"cutoff_hz": {"value": 41.31, "standard_errors_apart": 0.4}},
         "evidence": "held-out error 90 -> 2 nm rms",
         "meaning": "so the drive lags",
     }
