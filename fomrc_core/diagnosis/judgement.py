@@ -30,8 +30,8 @@ _LARGEST_SLOW = 8.0
 # Times what is left in training: noise is as large in every record, but for what grows with the displacement.
 _LARGEST_CARRYING = 2.0
 LEAST_BELIEVED = 0.5  # probability of a name: below, it is likelier wrong than right
-# Of each name of an explanation: of 209 development cases 79 were explained so, 78 of them rightly; with 0.85 it would be
-# 92 and 89, and three wrong in two hundred are more than one in a hundred, which is what an explanation may be.
+# Of each name of an explanation: of 209 development cases 79 were explained so, 78 of them rightly; with 0.85 it would
+# be 92 and 89, and three wrong in two hundred are more than one in a hundred, which is what an explanation may be.
 _LEAST_EXPLAINING = 0.9
 _MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
 

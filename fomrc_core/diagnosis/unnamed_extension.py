@@ -20,6 +20,7 @@ from fomrc_core.diagnosis.extended_model import is_no_worse, least_slope
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.effects import Covariate, Effect, effect_classes
 from fomrc_core.effects.base.term_scales import TermScales
+from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
@@ -109,7 +110,10 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         chosen = _chosen(learned, _rows(model, offered, split.held), n_linear)
         if not chosen:
             break
-        extended = _fitted(model, offered, chosen, learned)
+        try:
+            extended = _fitted(model, offered, chosen, learned)
+        except ParameterError:
+            break  # weights beyond all bounds: the records do not tell the terms from what plays and creep can do
         if extended is None:
             break
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
@@ -117,7 +121,10 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
             break
         best, least = extended, error
         solution = learned.of(_places(chosen, n_linear)).solution()
-        beside = _with_terms(model, offered, chosen, solution[n_linear:])
+        try:
+            beside = _with_terms(model, offered, chosen, solution[n_linear:])
+        except ParameterError:
+            break
         again = refit(rebased(beside, split.train), split.train, free=()).model
         model = replace(again, effects=model.effects)
     return best

@@ -15,6 +15,7 @@ from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.extended_model import as_written
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
+from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
@@ -128,6 +129,15 @@ def test_terms_that_leave_no_instantaneous_part_leave_a_model_that_can_be_writte
     beside = {"temperature_c": third.temperature_c, "cross": third.cross_displacement_um}
     left = third.measured_um - as_written(trial, split).simulate(third.steps_s, third.voltage_v, **beside)
     assert rms(left - left.mean()) == pytest.approx(unnamed.rms_after_um, rel=0.02)
+
+
+def test_terms_that_no_effect_may_have_are_no_extension(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise ParameterError("out of range", where="unnamed.weights_um", value=9e9, allowed="-1e+09 to 1e+09 um")
+
+    assert followed(warmed) is not None
+    monkeypatch.setattr("fomrc_core.diagnosis.unnamed_extension._fitted", refused)
+    assert followed(warmed) is None
 
 
 def test_a_signal_that_one_record_lacks_is_not_offered() -> None:
