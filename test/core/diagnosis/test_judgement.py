@@ -19,8 +19,8 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
     assert found.is_noise
     assert found.reasons == ()
     assert found.status([0.9], False) is Status.EXPLAINED
-    assert found.status([0.95, 0.9], False) is Status.EXPLAINED
-    assert found.status([0.95, 0.85], False) is Status.SUSPECT
+    assert found.status([0.96, 0.95], False) is Status.EXPLAINED
+    assert found.status([0.95, 0.9], False) is Status.SUSPECT, "each is sure, and both are not"
     assert found.status([0.9, 0.59], False) is Status.SUSPECT, "a name as likely wrong as right explains nothing"
     assert found.status([0.9], True) is Status.AMBIGUOUS
     assert found.status([], False) is Status.NOTHING_FOUND
