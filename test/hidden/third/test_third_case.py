@@ -121,9 +121,9 @@ def test_the_page_counts_what_was_said() -> None:
         "nothing hidden: `nothing_found` | 1/1",
         "single causes: first | 1/2",
         "pairs: all found | 1/1",
-        "no name with p >= 0.85 | 1/2",
-        "no wrong name with p >= 0.85 | 1/1",
-        "| 0.85 to 0.95 | 6 | 67 % |",
+        "no name with p >= 0.9 | 1/2",
+        "no wrong name with p >= 0.9 | 1/1",
+        "| 0.9 to 0.95 | 6 | 67 % |",
     ):
         assert row in page
     assert "0 cases" in third_page(said, "reporting")
