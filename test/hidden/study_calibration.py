@@ -22,6 +22,7 @@ if __package__ in (None, ""):
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from test.hidden import study_second, study_third
+from test.hidden.study_recording import recording_of
 
 _GROUPS = ("null", "known", "new", "removed", "pairs", "triples")
 _GROUPS_OF_THIRD = ("null", "known", "pairs", "unknown", "forms")
@@ -81,11 +82,11 @@ def _drawn(spec: study_second.SecondSpec | study_third.ThirdSpec) -> tuple[list[
 
     if isinstance(spec, study_third.ThirdSpec):
         third = spec.draw()
-        recordings = [study_third.recording_of(record) for record in third.records]
+        recordings = [recording_of(record) for record in third.records]
         return recordings, study_third.model_of(third, recordings[0]), []
     second = spec.draw()
     excluded = [cause for cause in spec.excluded if cause in cause_classes()]
-    return [study_second.recording_of(record) for record in second.records], study_second.model_of(second), excluded
+    return [recording_of(record) for record in second.records], study_second.model_of(second), excluded
 
 
 def fitted(evidence: np.ndarray, is_right: np.ndarray) -> np.ndarray:

@@ -17,14 +17,14 @@ import numpy as np
 from test.hidden.second.data_faults import FAULT_KINDS
 from test.hidden.second.hidden_causes import DRAWS, KNOWN_CAUSES, MISSING, NEW_CAUSES
 from test.hidden.second.hysteresis_forms import OTHER
-from test.hidden.second.second_case import Record, SecondCase, draw
+from test.hidden.second.second_case import SecondCase, draw
 from test.hidden.second.sensor_noise import NOISE_KINDS
 from test.hidden.study_cases import diagnosis_plain, source_digest, write_json
+from test.hidden.study_recording import recording_of
 from test.hidden.study_second_parameters import second_parameter_error
 
 if TYPE_CHECKING:
     from fomrc_core.model.piezo_model import PiezoModel
-    from fomrc_core.records.recording import Recording
 
 GROUPS = ("null", "known", "new", "removed", "pairs", "triples", "faults", "forms", "scales", "long")
 FIRST_SEED = {"development": 10_000, "reporting": 20_000}
@@ -121,21 +121,6 @@ def plan(group: str, seeds: str = "reporting", n_seeds: int | None = None) -> li
         raise ValueError(f"group {group!r}, one of {GROUPS}")
     many = n_seeds or usual
     return [SecondSpec(group, start + len(kinds) * k + i, **kind) for k in range(many) for i, kind in enumerate(kinds)]
-
-
-def recording_of(record: Record) -> Recording:
-    """Wrap what was measured as a recording."""
-    from fomrc_core.records.recording import Recording
-
-    return Recording(
-        record.time_s,
-        record.voltage_v,
-        displacement_um=record.measured_um,
-        temperature_c=record.temperature_c,
-        cross_voltage_v=record.cross_voltage_v,
-        cross_displacement_um=record.cross_displacement_um,
-        name=record.name,
-    )
 
 
 def model_of(case: SecondCase) -> PiezoModel | None:

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from test.hidden.study_cases import diagnosis_plain, source_digest, write_json
+from test.hidden.study_recording import recording_of
 from test.hidden.third.catalogue import KNOWN_NAMES, UNLISTED_NAMES, can_act_together
 from test.hidden.third.other_forms import OTHER_FORMS
 from test.hidden.third.sensor_noise import NOISE_KINDS
-from test.hidden.third.third_case import Order, Record, ThirdCase, draw
+from test.hidden.third.third_case import Order, ThirdCase, draw
 
 if TYPE_CHECKING:
     from fomrc_core import PiezoModel, Recording
@@ -95,21 +96,6 @@ def _pairs(rng: np.random.Generator) -> list[tuple[str, str]]:
         if can_act_together(first, second):
             pairs.append((first, second))
     return pairs
-
-
-def recording_of(record: Record) -> Recording:
-    """Wrap what was measured as a recording."""
-    from fomrc_core import Recording
-
-    return Recording(
-        record.time_s,
-        record.voltage_v,
-        displacement_um=record.measured_um,
-        temperature_c=record.temperature_c,
-        cross_voltage_v=record.cross_voltage_v,
-        cross_displacement_um=record.cross_displacement_um,
-        name=record.name,
-    )
 
 
 def model_of(case: ThirdCase, train: Recording) -> PiezoModel | None:

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from test.hidden.study_scores import Outcome, answer, is_exact, is_first, named, share
+from test.hidden.study_second_scores import cpu_seconds
 from test.hidden.study_third import FIRST_SEED, GROUPS
 from test.hidden.study_third_scores import (
     SURE,
     calibrated,
-    cpu_seconds,
     has_all,
     is_clean_null,
     is_exact_and_explained,

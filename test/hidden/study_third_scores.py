@@ -64,8 +64,3 @@ def calibrated(outcomes: Iterable[Outcome]) -> list[tuple[float, bool]]:
         for found in outcome["findings"]
         if found.get("probability") is not None
     ]
-
-
-def cpu_seconds(outcomes: Iterable[Outcome]) -> list[float]:
-    """Return the processor time of every diagnosis that ended [s]."""
-    return [float(o["cpu_s"]) for o in outcomes if "cpu_s" in o]

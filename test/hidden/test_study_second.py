@@ -12,7 +12,8 @@ from test.hidden.second.coarse_model import CoarseModel
 from test.hidden.second.hidden_causes import KNOWN_CAUSES, NEW_CAUSES
 from test.hidden.second.second_case import SecondCase, draw
 from test.hidden.second.surrogate import Trace
-from test.hidden.study_second import FIRST_SEED, GROUPS, model_of, plan, recording_of, truth_of
+from test.hidden.study_recording import recording_of
+from test.hidden.study_second import FIRST_SEED, GROUPS, model_of, plan, truth_of
 from test.hidden.study_second_parameters import second_parameter_error
 from test.hidden.study_second_report import second_page, write_second
 from test.hidden.study_second_scores import (
