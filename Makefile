@@ -32,6 +32,9 @@ help:
 demo: $(RUN_STAMP)
 	@$(BIN)/fomrc demo
 
+# One thread of BLAS for each worker: more of them than processors only wait for each other.
+test: export OPENBLAS_NUM_THREADS := 1
+test: export OMP_NUM_THREADS := 1
 test: $(DEV_STAMP)
 	@$(BIN)/python -m pytest -n $(JOBS) --max-worker-restart 0 $(ARGS)
 

@@ -13,22 +13,41 @@ from hypothesis import settings
 _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
 # Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed,
-# the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those).
+# the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those), what repeats with
+# another signal or colour, what a study counts over many cases.
 _LONGEST = (
+    "test/core/cli/test_axes_commands.py::test_stopped_it_goes_on_where_it_was[2]",
     "test/core/reproduction/test_reproduction.py",
     "test/core/comparison/test_comparison.py",
     "test/core/comparison/test_baselines.py",
+    "test/core/diagnosis/test_long_search.py::test_a_load_in_a_long_record",
     "test/core/diagnosis/test_remainder.py::test_noise_of_any_colour_follows_from_nothing[0.6]",
+    "test/core/diagnosis/test_remainder.py::test_noise_of_any_colour_follows_from_nothing[0.95]",
     "test/core/identification/test_axes_identification.py::test_two_axes_of_another_form_are_found[1]",
     "test/core/identification/test_axes_identification.py::test_errors_over_standard_errors_spread_by_one",
+    "test/core/records/test_slips.py::test_a_record_that_is_late_as_a_whole_has_no_doubled_samples",
+    "test/core/report/test_recording_check.py::test_loops_of_many_widths_rests_and_a_repeat_are_better",
     "test/core/model/test_dynamic_inverse.py::test_an_endless_scan_stays_as_it_was_in_its_second_period",
     "test/hidden/second/test_second_case.py::test_form_error_says",
     "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
+    "test/hidden/test_hidden_effects.py::test_what_stands_in_for_a_cause",
     "test/hidden/test_one_sine.py",
+    "test/ros/test_axes.py::test_what_axes_of_one_body_move_of_each_other",
+    "test/ros/test_calibration.py::test_joint_states_and_simulated_time_faster",
+    "test/ros/test_never_garbage.py::test_a_cancel_that_comes_too_late",
+    "test/ros/test_never_garbage.py::test_row_01_a_calibration_on_a_broken_sensor_is_refused[outliers]",
+)
+# Of the cases of one test here the first and the last run, of others all.
+_ALIKE = (
+    _ROS_TESTS,
+    "test/core/export/test_exported_effects.py::test_all_effects_together",
+    "test/core/export/test_exported_effects.py::test_an_effect_alone",
+    "test/core/model/test_model.py::test_plain_python_equals_compiled",
+    "test/core/records/test_noise_model.py",
+    "test/hidden/test_truth.py",
 )
 _MEASURES = (
     "test/ros/test_watch_node.py::test_a_stage_that_moves_less",
-    "test/ros/test_calibration.py::test_calibrated_stage_follows",
     "test/ros/test_calibration.py::test_joint_states_and_simulated_time",
 )
 # Files of a minute or two and of many waits, begun first of their kind so that no worker is left alone with one.
@@ -40,6 +59,7 @@ _LONG_FILES = (
     "test/core/identification/test_fleet.py",
     "test/core/records/test_noise_model.py",
     "test/ros/test_never_garbage.py",
+    "test/ros/test_calibration.py",
     "test/ros/test_files_and_parameters.py",
     "test/ros/test_fuzz_in_service.py",
     "test/ros/test_voltage_limits.py",
@@ -74,13 +94,13 @@ else:
 
 
 def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[pytest.Item]]:
-    """Return what runs and what is left to ``make study``: the longest, and of like ROS tests all but the ends."""
+    """Return what runs and what is left to ``make study``: the longest, and of many alike all but the ends."""
     if os.environ.get("FOMRC_ALL_CASES"):
         return items, []
     alike: dict[str, list[pytest.Item]] = {}
     for item in items:
         alike.setdefault(item.nodeid.split("[")[0], []).append(item)
-    left = [i for name, same in alike.items() if name.startswith(_ROS_TESTS) for i in same[1:-1]]
+    left = [i for name, same in alike.items() if name.startswith(_ALIKE) for i in same[1:-1]]
     left += [item for item in items if item.nodeid.startswith(_LONGEST)]
     return [item for item in items if item not in left], left
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.errors import RecordingError
@@ -251,6 +251,6 @@ def _growth(stretches: Sequence[NoiseStretch]) -> tuple[float, float]:
         likelihood = -0.5 * float(np.sum(count * (np.log(expected) + power / expected)))
         if likelihood > best:
             best, slope, centre = likelihood, float(np.sqrt(b / a) / span), float(c)
-    if 2.0 * (best - flat) < float(chi2.isf(_GROWTH_LEVEL, 2)):
+    if 2.0 * (best - flat) < -2.0 * math.log(_GROWTH_LEVEL):  # of two degrees of freedom
         return 0.0, 0.0
     return slope, centre

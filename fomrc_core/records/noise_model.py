@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.records.noise_spectrum import NoiseSpectrum
@@ -72,6 +70,8 @@ class NoiseModel:
 
         It allows for what may lie below what was seen; upwards for a random walk there, where slow noise is not seen.
         """
+        from scipy.stats import chi2  # slow to import, and no node that only drives needs it
+
         freedom = max(self.spectrum.degrees_of_freedom, 1.0)
         low = self.rms_um * np.sqrt(freedom / chi2.ppf(0.975, freedom))
         high = self.rms_um**2 * freedom / chi2.ppf(0.025, freedom) + self._hidden_um2()
@@ -103,6 +103,8 @@ class NoiseModel:
         """
         power = self.mean_square_growth * self.spectrum.variance_um2(self._low(n_samples, n_slow))
         if quantile is not None:
+            from scipy.stats import f as fisher  # slow to import, and no node that only drives needs it
+
             power *= float(fisher.ppf(quantile, self._freedom(n_samples, n_slow), self.spectrum.degrees_of_freedom))
         return float(np.sqrt(power))
 
@@ -116,6 +118,8 @@ class NoiseModel:
             residual_um: residual of contiguous samples [um], shape (n_samples,).
             n_parameters: number of parameters fitted to these samples, besides the slow ones.
         """
+        from scipy.stats import f as fisher  # slow to import, and no node that only drives needs it
+
         n = residual_um.size
         freedom = self._freedom(n, N_SLOW)
         kept = max(1.0 - n_parameters / freedom, 1.0 / freedom)

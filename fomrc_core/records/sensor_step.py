@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
 
 from fomrc_core.compute.arrays import Array
 
@@ -72,4 +71,5 @@ def _seen(spread: float) -> float:
     whole = np.floor(size)
     part = size - whole
     square = whole**2 * (1.0 - part) + (whole + 1.0) ** 2 * part
-    return float(np.trapezoid(square * norm.pdf(size / width) / width, size))
+    density = np.exp(-0.5 * (size / width) ** 2) / (np.sqrt(2.0 * np.pi) * width)
+    return float(np.trapezoid(square * density, size))

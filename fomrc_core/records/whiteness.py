@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as fisher
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.records.noise_parts import bands_of
@@ -42,6 +40,9 @@ def whiteness_test(white: Array, n_model: int, lowest: float = 0.0) -> Whiteness
         n_model: number of samples the noise model rests on.
         lowest: lowest frequency the noise model has seen [cycles per sample].
     """
+    from scipy.stats import chi2  # slow to import, and no node that only drives needs it
+    from scipy.stats import f as fisher
+
     values = np.asarray(white, dtype=np.float64) - float(np.mean(white))
     if values.size < _N_MIN or not np.any(values):
         return WhitenessTest(1.0, 0.5, 1.0)

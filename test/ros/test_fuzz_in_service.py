@@ -20,7 +20,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 RATE_HZ = 200.0
-DURATION_S = float(os.environ.get("FOMRC_FUZZ_S", "60"))
+DURATION_S = float(os.environ.get("FOMRC_FUZZ_S", "60" if os.environ.get("FOMRC_ALL_CASES") else "20"))
 SEED = int(os.environ.get("FOMRC_FUZZ_SEED", "1"))
 TARGETS_M = (0.0, 1e-6, -1e-6, 3e-6, 50e-6, -50e-6, 0.5e-6, math.nan, math.inf, 1.0)
 VOLTAGES_V = (0.0, 1.0, -1.0, 2.5, 1e9, -1e9, math.nan)
