@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
-from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.free_parameters import free_parameters
-from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.linear_part import Tangent, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 
@@ -68,13 +68,32 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
     fits = _further(present, split, begun)
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * present.squared_error:
         return None
-    # as many more weights must earn their keep
-    n_owned = present.model.n_owned
-    best = min(fits, key=lambda f: f.squared_error * (_RICH_PENALTY if f.model.n_owned > n_owned else 1.0))
+    best = _worth_its_parameters(fits, present, split)
     # the forms of what befell single records differ little until the base no longer bends to it
     ways = fits if begun.is_bound else [best]
     followed = (_followed(way, split, present.squared_error) for way in ways)
     return min(followed, key=lambda f: f.squared_error)
+
+
+def _worth_its_parameters(fits: list[Refit], present: PresentModel, split: DataSplit) -> Refit:
+    """Return the fit of the form that earns its parameters (Schwarz, 1978), the simpler ones gone on to their rest.
+
+    As many more weights must earn their keep as well.
+    """
+    closest = min(fits, key=lambda fitted: fitted.squared_error)
+    n_independent = max(split.n_used / residual_inflation(closest.residual, split.train), math.e)
+
+    def n_free(fitted: Refit) -> int:
+        return len(free_parameters(fitted.model))
+
+    def cost(fitted: Refit) -> float:
+        paid = n_free(fitted) * math.log(n_independent) / n_independent
+        rich = math.log(_RICH_PENALTY) if fitted.model.n_owned > present.model.n_owned else 0.0
+        return math.log(fitted.squared_error) + paid + rich
+
+    best = min(fits, key=cost)
+    near = [f for f in fits if n_free(f) < n_free(best) and f.squared_error < _FAR_BEHIND * best.squared_error]
+    return min((best, *(fit_until_still(f.model, split.train) for f in near)), key=cost)
 
 
 def _foreseen(first: Refit) -> float:

@@ -16,6 +16,8 @@ from fomrc_core.effects.base.step_form import StepForm
 _SHARES = ("first_share", "second_share", "third_share")
 _TIMES = ("first_s", "second_s", "third_s")
 _SHORTEST_SAMPLES, _LONGEST = 5.0, 0.7  # of a relaxation: samples, and of the record
+_CLOSE = 3.0  # from one trial relaxation to the next: half a decade, over which one alone bends
+_N_MIDDLES = 8  # of trial spectra, from the shortest to the longest that can be seen
 
 
 @dataclass(frozen=True)
@@ -100,12 +102,21 @@ class CreepLaw(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CreepLaw]:
-        """Return logarithms that begin within a sample and later, and two and three relaxations over the record."""
+        """Return logarithms that begin within a sample and later, and two and three relaxations about every time.
+
+        Close together they are told from far apart by their fit, which does not find a valley a decade away.
+        """
         step_s, duration_s = evidence.sample_period_s, evidence.duration_s
         trials: list[dict[str, float]] = [
             {"per_decade": 0.01, "onset_s": onset} for onset in (step_s, 20.0 * step_s, 0.02 * duration_s)
         ]
-        for shares in ((0.003, 0.05), (0.0005, 0.01, 0.2)):
-            names = zip(_SHARES, _TIMES, shares, strict=False)
-            trials.append({key: value for s, t, f in names for key, value in ((s, 0.01), (t, f * duration_s))})
+        spectra = [(0.003 * duration_s, 0.05 * duration_s), (0.0005 * duration_s, 0.01 * duration_s, 0.2 * duration_s)]
+        shortest_s, longest_s = _SHORTEST_SAMPLES * step_s, _LONGEST * duration_s
+        if longest_s > shortest_s:
+            for middle_s in np.geomspace(_CLOSE * shortest_s, max(longest_s / _CLOSE, _CLOSE * shortest_s), _N_MIDDLES):
+                near = (float(middle_s) / _CLOSE, float(middle_s), float(middle_s) * _CLOSE)
+                spectra += [near[::2], near]
+        for times_s in spectra:
+            names = zip(_SHARES, _TIMES, times_s, strict=False)
+            trials.append({key: value for s, t, time_s in names for key, value in ((s, 0.01), (t, time_s))})
         return cls.proposed(trials)
