@@ -57,6 +57,12 @@ def fit_starts(
     forms = {trial.cause.form() for trial in likeliest}
     likeliest += [trial for trial in trials[_MAX_STARTS:] if trial.cause.form() not in forms][:_MAX_OTHER_FORMS]
     options = [(model.with_cause(sized(trial)), trial.cause.form()) for trial in likeliest]
+    if isinstance(first, Effect) and first.replaces_creep:
+        # a signature is what it adds to the power law: in the place of that it begins as the same law
+        longest_s = max(float(record.time_s[-1]) for record in split.train)
+        shortest_s = min(float(np.median(record.steps_s)) for record in split.train)
+        same = type(first).in_place_of_creep(model.creep_order, shortest_s, longest_s)
+        options += [(model.with_cause(law), law.form()) for law in same]
     ordered = sorted(options[1:], key=lambda option: clear_error(option[0], split, directions))
     # a form of more parameters may do worse where it begins and better where it ends: the best of every form is tried
     starts, tried = [options[0][0]], {options[0][1]}

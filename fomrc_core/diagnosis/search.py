@@ -22,11 +22,11 @@ from fomrc_core.diagnosis.decision import (
     whitened_margin_of,
 )
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.diagnosis.special_case import with_special_case
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -183,7 +183,7 @@ def _asked(
         accepted = next((c for c in tier if is_accepted(c, len(causes)) and _is_no_wander(c, split)), None)
         if accepted is not None:
             likeliest = likelier(accepted, candidates, split, len(causes))
-            candidates = with_special_case(likeliest, candidates, present, split, causes)
+            candidates = with_kin(likeliest, candidates, present, split, causes)
             return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)

@@ -17,7 +17,11 @@ _SHARES = ("first_share", "second_share", "third_share")
 _TIMES = ("first_s", "second_s", "third_s")
 _SHORTEST_SAMPLES, _LONGEST = 5.0, 0.7  # of a relaxation: samples, and of the record
 _CLOSE = 3.0  # from one trial relaxation to the next: half a decade, over which one alone bends
-_N_MIDDLES = 8  # of trial spectra, from the shortest to the longest that can be seen
+_FAR = (
+    15.0  # from the first relaxation to the last: beyond it there is a gap that none of the trials about one time has
+)
+_N_MIDDLES = 5  # of trial spectra, from the shortest to the longest that can be seen
+_N_TIMES = 60  # at which a power law is compared with what takes its place
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,13 @@ class CreepLaw(Effect):
             free += pair if getattr(self, pair[0]) != 0.0 else ()
         return tuple(free)
 
+    def form(self) -> tuple[str, ...]:
+        """Return the parameters it moves, and whether its relaxations are close together or far apart."""
+        pairs = zip(_SHARES, _TIMES, strict=True)
+        times_s = [getattr(self, time) for share, time in pairs if getattr(self, share) != 0.0]
+        is_far = len(times_s) > 1 and max(times_s) > _FAR * min(times_s)
+        return (*self.free_names(), *(("far",) if is_far else ()))
+
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether every relaxation bends within the record, over some samples."""
         pairs = zip(_SHARES, _TIMES, strict=True)
@@ -99,6 +110,32 @@ class CreepLaw(Effect):
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
         return modes_form(*self._modes(), 1.0, is_inverted=True)
+
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the one relaxation that is nearest: the largest."""
+        share, time_s = max(
+            (getattr(self, share), getattr(self, time)) for share, time in zip(_SHARES, _TIMES, strict=True)
+        )
+        return {"slow_relaxation": {"amplitude": share, "time_constant_s": time_s}} if share > 0.0 else {}
+
+    @classmethod
+    def in_place_of_creep(cls, order: float, shortest_s: float, longest_s: float) -> list[Effect]:
+        """Return the logarithm, and the two and three relaxations, that creep most nearly as the power law."""
+        if not (order > 0.0 and longest_s > shortest_s):
+            return []
+        times_s = np.geomspace(shortest_s, longest_s, _N_TIMES)
+        grown = (times_s / shortest_s) ** order - 1.0
+        decades = np.log10(1.0 + times_s / shortest_s)
+        nearest: list[dict[str, float]] = [
+            {"per_decade": float(decades @ grown / (decades @ decades)), "onset_s": shortest_s}
+        ]
+        for n in (2, 3):
+            constants_s = shortest_s * (longest_s / shortest_s) ** ((np.arange(n) + 0.5) / n)
+            late = -np.expm1(-times_s[:, np.newaxis] / constants_s)
+            shares, *_ = np.linalg.lstsq(late, grown)
+            pairs = zip(_SHARES, _TIMES, np.maximum(shares, 0.0), constants_s, strict=False)
+            nearest.append({k: float(v) for s, t, share, time_s in pairs for k, v in ((s, share), (t, time_s))})
+        return list(cls.proposed(nearest))
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CreepLaw]:

@@ -136,6 +136,11 @@ class Cause(ABC):
         """Return the parameters of the cause it generalizes that are nearest to it; none where it does not tell."""
         return {}
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return causes akin to it by name, each with the parameters nearest to it, for a fit to begin with."""
+        special = self.special_case()
+        return {self.generalizes: special} if special else {}
+
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether records of this length and sample period [s] can show the cause with these parameters."""
         return True

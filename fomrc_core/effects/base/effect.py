@@ -175,6 +175,17 @@ class Effect(Cause):
     # --- in a fit
 
     @classmethod
+    def in_place_of_creep(cls, order: float, shortest_s: float, longest_s: float) -> list[Effect]:
+        """Return instances that creep as nearly as they can as the power law, where they take its place.
+
+        Args:
+            order: of the power law [1].
+            shortest_s: time after a step from which they shall agree [s].
+            longest_s: time up to which they shall [s].
+        """
+        return []
+
+    @classmethod
     def screening(cls, evidence: Evidence) -> Sequence[Effect]:
         """Return trial instances whose signatures a diagnosis compares with what the model left over."""
         return []

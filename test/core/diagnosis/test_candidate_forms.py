@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.candidate import candidates_for, held_view
-from fomrc_core.diagnosis.data_split import split_data
+from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.effects.creep_law import CreepLaw
@@ -21,29 +21,58 @@ from fomrc_core.records.recording import Recording
 _NOISE_UM = 2e-3
 _PLAIN = TrialModel(ColumnKinds.plays(np.linspace(0.0, 1.8, 10)), np.linspace(1.0, 0.1, 10), 0.02, (), ((), ()))
 _TWO_CLOSE = CreepLaw(first_share=0.02, first_s=0.8, second_share=0.02, second_s=2.4)
+_TWO_FAR = CreepLaw(first_share=0.1, first_s=0.1, second_share=0.1, second_s=6.0)
+_THREE_FAR = CreepLaw(first_share=0.1, first_s=0.1, second_share=0.1, second_s=0.8, third_share=0.1, third_s=6.0)
 
 
-def _recorded(seed: int, slope_v_per_s: float) -> Recording:
+def _recorded(law: CreepLaw, seed: int, slope_v_per_s: float) -> Recording:
     drive = triangle(2.0, slope_v_per_s=slope_v_per_s, n_cycles=6, rate_hz=50.0)
     blank = Recording(drive.time_s, drive.voltage_v, drive.voltage_v)
-    moved_um = predict(_PLAIN.with_cause(_TWO_CLOSE), FitRecord.of(blank), 0)
+    moved_um = predict(_PLAIN.with_cause(law), FitRecord.of(blank), 0)
     return Recording(
         drive.time_s, drive.voltage_v, moved_um + np.random.default_rng(seed).normal(0.0, _NOISE_UM, drive.time_s.size)
     )
 
 
-def test_two_relaxations_close_together_are_found_and_no_third() -> None:
-    split = split_data((_recorded(1, 4.0),), _recorded(2, 9.0), None, _NOISE_UM)
+def _found(law: CreepLaw) -> tuple[DataSplit, dict[str, Candidate]]:
+    split = split_data((_recorded(law, 1, 4.0),), _recorded(law, 2, 9.0), None, _NOISE_UM)
     base = fit_until_still(rebased(_PLAIN, split.train), split.train).model
     present = PresentModel.of(base, split)
     screened = screen(present, ("creep_law", "slow_relaxation"), held_view(base, split))
-    found = {candidate.cause: candidate for candidate in candidates_for(present, split, screened, None)}
+    return split, {candidate.cause: candidate for candidate in candidates_for(present, split, screened, None)}
+
+
+def _law_of(candidate: Candidate) -> CreepLaw:
+    (law,) = (effect for effect in candidate.fitted.model.effects if isinstance(effect, CreepLaw))
+    return law
+
+
+def test_two_relaxations_close_together_are_found_and_no_third() -> None:
+    split, found = _found(_TWO_CLOSE)
     best = found["creep_law"]
-    (law,) = (effect for effect in best.fitted.model.effects if effect.name == "creep_law")
-    assert isinstance(law, CreepLaw)
+    law = _law_of(best)
     assert best.is_plausible
     assert law.third_share == 0.0, "a third does not earn its parameters"
-    times_s = sorted((law.first_s, law.second_s))
-    assert times_s == pytest.approx([0.8, 2.4], rel=0.5)
+    assert sorted((law.first_s, law.second_s)) == pytest.approx([0.8, 2.4], rel=0.5)
     assert best.fitted.squared_error < 1.1 * _NOISE_UM**2 * split.n_used
     assert best.fitted.squared_error < found["slow_relaxation"].fitted.squared_error
+
+
+def test_three_relaxations_far_apart_are_found() -> None:
+    split, found = _found(_THREE_FAR)
+    law = _law_of(found["creep_law"])
+    assert sorted((law.first_s, law.second_s, law.third_s)) == pytest.approx([0.1, 0.8, 6.0], rel=0.3)
+    assert found["creep_law"].fitted.squared_error < 1.1 * _NOISE_UM**2 * split.n_used
+
+
+@pytest.mark.parametrize("order", [0.01, 0.1])
+def test_what_takes_the_place_of_the_power_law_creeps_as_it_does(order: float) -> None:
+    time_s = np.geomspace(0.02, 60.0, 200)
+    wanted = time_s**order / 0.02**order
+    laws = CreepLaw.in_place_of_creep(order, 0.02, 60.0)
+    assert [law.form() for law in laws] == [law.form() for law in (CreepLaw(per_decade=0.1), _TWO_FAR, _THREE_FAR)]
+    for law in laws:
+        steps_s = np.diff(time_s, prepend=0.0)
+        crept = law.run(law.initial_state(), np.ones(time_s.size), steps_s)
+        assert np.max(np.abs(crept - wanted)) < 0.12 * (wanted[-1] - 1.0)
+    assert CreepLaw.in_place_of_creep(0.0, 0.02, 60.0) == []

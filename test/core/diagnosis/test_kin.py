@@ -9,9 +9,10 @@ import pytest
 
 from fomrc_core.diagnosis.candidate import candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.special_case import with_special_case
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.drive_resonance import DriveResonance
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
@@ -46,24 +47,24 @@ def test_the_special_case_is_begun_where_the_general_one_has_come_to(split: Data
     winner = candidate_of(present, split, "unequal_lag", fitted, bound=False)
     far = refit(_PLAIN.with_cause(AmplifierBandwidth(900.0)), split.train, free=())
     stuck = candidate_of(present, split, "amplifier_bandwidth", far, bound=False)
-    found = {c.cause: c for c in with_special_case(winner, [winner, stuck], present, split, _ASKED)}
+    found = {c.cause: c for c in with_kin(winner, [winner, stuck], present, split, _ASKED)}
     (lag,) = (e for e in found["amplifier_bandwidth"].fitted.model.effects if e.name == "amplifier_bandwidth")
     assert isinstance(lag, AmplifierBandwidth)
     assert lag.cutoff_hz == pytest.approx(_CUTOFF_HZ, rel=0.02)
     assert found["amplifier_bandwidth"].fitted.squared_error < 1.01 * winner.fitted.squared_error
-    assert with_special_case(winner, [winner], present, split, ("unequal_lag",)) == [winner], "nobody asked for it"
+    assert with_kin(winner, [winner], present, split, ("unequal_lag",)) == [winner], "nobody asked for it"
     # one that has come further is left as it is, and so is all where the simpler one acts already
     own = found["amplifier_bandwidth"]
-    assert with_special_case(winner, [winner, own], present, split, _ASKED) == [winner, own]
+    assert with_kin(winner, [winner, own], present, split, _ASKED) == [winner, own]
     beside = PresentModel.of(own.fitted.model, split)
-    assert with_special_case(winner, [winner], beside, split, _ASKED) == [winner]
+    assert with_kin(winner, [winner], beside, split, _ASKED) == [winner]
 
 
 def test_a_cause_that_holds_no_other_has_no_special_case(split: DataSplit) -> None:
     present = PresentModel.of(_PLAIN, split)
     fitted = refit(_PLAIN.with_cause(AmplifierBandwidth(_CUTOFF_HZ)), split.train)
     winner = candidate_of(present, split, "amplifier_bandwidth", fitted, bound=False)
-    assert with_special_case(winner, [winner], present, split, _ASKED) == [winner]
+    assert with_kin(winner, [winner], present, split, _ASKED) == [winner]
 
 
 def test_special_cases_lag_as_the_general_one_does() -> None:
@@ -75,3 +76,9 @@ def test_special_cases_lag_as_the_general_one_does() -> None:
 @pytest.mark.parametrize(("damping_ratio", "is_plausible"), [(0.001, False), (0.02, True), (0.5, False)])
 def test_beyond_half_the_rate_a_resonance_must_be_damped_and_last(damping_ratio: float, is_plausible: bool) -> None:
     assert DriveResonance(580.0, damping_ratio).is_plausible(10.0, 1e-3) is is_plausible
+
+
+def test_a_law_of_creep_is_near_to_its_largest_relaxation() -> None:
+    law = CreepLaw(first_share=0.1, first_s=0.2, second_share=0.3, second_s=4.0)
+    assert law.kin() == {"slow_relaxation": {"amplitude": 0.3, "time_constant_s": 4.0}}
+    assert CreepLaw(per_decade=0.1).kin() == {}
