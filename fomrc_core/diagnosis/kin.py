@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
@@ -30,9 +29,7 @@ def with_kin(
     effect = next((e for e in winner.fitted.model.effects if e.name == winner.cause), None)
     if effect is None:
         return candidates
-    lesser = winner.fitted.model.without(winner.cause)
-    if effect.replaces_creep:
-        lesser = replace(lesser, creep_order=present.model.creep_order)
+    lesser = winner.fitted.model.as_before(present.model, winner.cause)
     for name, parameters in effect.kin().items():
         if name not in causes or present.model.has(name):
             continue

@@ -109,10 +109,8 @@ def _in_place_of(
     """Return a cause as a candidate for what is left without it beside all the others, and who else there is."""
     # Many arguments: one search, looked at from within.
     found = {step.accepted.cause for step in steps}
-    fewer = final.model.without(name)
-    if final.model.replaces_creep and not fewer.replaces_creep:
-        before = next(step.before for step in steps if step.accepted.cause == name)
-        fewer = replace(fewer, creep_order=before.creep_order)
+    before = next(step.before for step in steps if step.accepted.cause == name)
+    fewer = final.model.as_before(before, name)
     lesser = refit(fewer, split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)
     wanted = tuple(cause for cause in causes if cause not in found)

@@ -17,9 +17,7 @@ _SHARES = ("first_share", "second_share", "third_share")
 _TIMES = ("first_s", "second_s", "third_s")
 _SHORTEST_SAMPLES, _LONGEST = 5.0, 0.7  # of a relaxation: samples, and of the record
 _CLOSE = 3.0  # from one trial relaxation to the next: half a decade, over which one alone bends
-_FAR = (
-    15.0  # from the first relaxation to the last: beyond it there is a gap that none of the trials about one time has
-)
+_FAR = 15.0  # from the first relaxation to the last: no trial about one time reaches so far
 _N_MIDDLES = 5  # of trial spectra, from the shortest to the longest that can be seen
 _N_TIMES = 60  # at which a power law is compared with what takes its place
 

@@ -167,6 +167,18 @@ class TrialModel:
             return fewer
         return replace(fewer, columns=self.columns.chosen(kept), weights=self.weights[kept])
 
+    def as_before(self, before: TrialModel, name: str) -> TrialModel:
+        """Return the model without a cause, and with the creep order back that it took the place of.
+
+        Args:
+            before: a model that did not have it yet.
+            name: of the cause.
+        """
+        fewer = self.without(name)
+        if self.replaces_creep and not fewer.replaces_creep:
+            return replace(fewer, creep_order=before.creep_order)
+        return fewer
+
     def alone(self, index: int) -> TrialModel:
         """Return the model of one record only."""
         return replace(self, record_effects=(self.record_effects[index],), starts=(self.start_of(index),))
