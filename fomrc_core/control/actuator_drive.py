@@ -206,8 +206,10 @@ class ActuatorDrive:
             lease = None
         if self._is_ramping:
             return self._tick_ramp(step_s)
+        if lease is not None and lease.goal_v is not None:
+            return self._tick_to(lease.goal_v, step_s)
         if lease is not None:
-            return None if lease.goal_v is None else self._tick_to(lease.goal_v, step_s)
+            return None if self.loop is None else self.loop.rest(step_s)
         if self._is_stopping or not self.is_active or self.loop is None:
             return None
         return self.loop.tick(step_s, time_s)

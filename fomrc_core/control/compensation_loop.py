@@ -276,12 +276,19 @@ class CompensationLoop:
             else:
                 self._move_with(self.voltage_v, step_s)
 
+    def rest(self, step_s: float) -> float | None:
+        """Let a tick pass in which nobody says what to drive; return a voltage [V] where limits now ask for another."""
+        return self._rest(self._begin_tick(step_s))
+
     def _rest(self, step_s: float) -> float | None:
-        # Without a target nothing is driven, but what was must not stay beyond limits narrowed since.
-        allowed_v = self.settings.limits.clamp(self.voltage_v)
-        if not self.has_driven or allowed_v == self.voltage_v:
+        if not self.has_driven:
             return None
-        return self._apply(allowed_v, step_s)
+        # Nothing is driven, but what was must not stay beyond limits narrowed since.
+        allowed_v = self.settings.limits.clamp(self.voltage_v)
+        if allowed_v != self.voltage_v:
+            return self._apply(allowed_v, step_s)
+        self._move_with(self.voltage_v, step_s)  # the amplifier holds its voltage, and the actuator creeps on
+        return None
 
     def tick_to_safe(self, step_s: float) -> float:
         """Return the next voltage [V] of the ramp to the safe voltage; the memory follows."""

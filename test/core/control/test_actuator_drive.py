@@ -74,6 +74,31 @@ def test_the_memory_is_what_the_borrower_drove():
     assert moved[-1] == pytest.approx(0.7, abs=1e-9)
 
 
+@pytest.mark.parametrize("is_lent_again", [True, False])
+def test_it_creeps_on_while_nobody_says_what_to_drive(is_lent_again):
+    """A borrower leaves a voltage on for long and returns it: until there is a target the stage creeps, and is lent."""
+    drive = drive_of(limits_of())
+    drive.lend(0.0)
+    held_v = [1.2] * 150 + [0.0] * 5
+    driven = []
+    for k, goal_v in enumerate(held_v):
+        drive.borrow(goal_v, k * PERIOD_S)
+        driven.append(drive.tick(PERIOD_S, k * PERIOD_S))
+    assert drive.take_back()
+    if is_lent_again:
+        drive.lend(2.0)
+    n_silent = 40 if is_lent_again else 200  # a lease lasts for half a second
+    assert run(drive, n_silent, 2.0) == [], "there is nothing to publish"
+    if is_lent_again:
+        assert drive.take_back()
+    assert drive.loop is not None
+    drive.loop.set_target(0.7)
+    after = run(drive, 100, 5.0)
+    voltages = np.array([*driven, *[driven[-1]] * n_silent, *after])
+    moved = PiezoModel.from_mapping(MODEL).simulate(np.full(voltages.size, PERIOD_S), voltages)
+    assert moved[-90:] == pytest.approx(0.7, abs=1e-9), "as soon as the slew lets it"
+
+
 def test_a_loop_after_a_borrower_without_one_says_that_the_memory_is_unknown():
     drive = drive_of(limits_of(), has_loop=False)
     drive.lend(0.0)
