@@ -14,7 +14,7 @@ _ROS_TESTS = "test/ros/"
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
 # Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed,
 # the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those), what repeats with
-# another signal or colour, what a study counts over many cases.
+# another signal or colour, what a study counts over many cases, pages whose diagnosis others make as well.
 _LONGEST = (
     "test/core/cli/test_axes_commands.py::test_stopped_it_goes_on_where_it_was[2]",
     "test/core/reproduction/test_reproduction.py",
@@ -30,8 +30,11 @@ _LONGEST = (
     "test/core/model/test_dynamic_inverse.py::test_an_endless_scan_stays_as_it_was_in_its_second_period",
     "test/hidden/second/test_second_case.py::test_form_error_says",
     "test/hidden/second/test_second_case.py::test_steps_of_the_physics",
+    "test/hidden/test_hidden_effects.py::test_hidden_cause_is_named_first[2013-dead_zone]",
     "test/hidden/test_hidden_effects.py::test_what_stands_in_for_a_cause",
     "test/hidden/test_one_sine.py",
+    "test/test_documentation.py::test_examples_run[diagnose]",
+    "test/test_documentation.py::test_the_cells_of_a_notebook_run[3_what_does_my_model_get_wrong]",
     "test/ros/test_axes.py::test_what_axes_of_one_body_move_of_each_other",
     "test/ros/test_calibration.py::test_joint_states_and_simulated_time_faster",
     "test/ros/test_never_garbage.py::test_a_cancel_that_comes_too_late",

@@ -15,7 +15,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-from harness import REPOSITORY, NodeUnderTest, Probe, server
+from harness import REPOSITORY, STARTED, NodeUnderTest, Probe, server
 from node_server import ForkedProcess
 
 
@@ -30,6 +30,7 @@ def probe() -> Iterator[Probe]:
 def start(tmp_path: Path) -> Iterator[Callable[..., NodeUnderTest]]:
     """Start nodes; whatever still runs at the end of the test is ended."""
     nodes: list[NodeUnderTest] = []
+    STARTED.clear()
 
     def make(kind: str, *files: Path, **parameters: object) -> NodeUnderTest:
         nodes.append(NodeUnderTest(kind, tmp_path, *files, **parameters))

@@ -62,6 +62,25 @@ def server() -> NodeServer:
     return NodeServer()
 
 
+STARTED: list[NodeUnderTest] = []
+"""The nodes of the test that runs."""
+
+
+def what_became_of_them() -> str:
+    """Return how the nodes of a failing test are or have ended, those that run aborted to say where they are."""
+    said = []
+    for node in STARTED:
+        status = node.process.poll()
+        if status is None:
+            node.process.send_signal(signal.SIGABRT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                node.process.wait(5.0)
+        told = "running, aborted" if status is None else f"ended with {status}"
+        lines = [line for line in node.output().splitlines() if not line.startswith("Extension modules")]
+        said.append("\n".join((f"{node.name} {told}:", *lines[-60:])))
+    return "\n".join(said)
+
+
 class NodeUnderTest:
     """One node in a process of its own, as ``python -m`` starts it; forked with its imports made unless it is fresh."""
 
@@ -93,6 +112,7 @@ class NodeUnderTest:
             self.process = self._started(["-m", MODULES[kind], *arguments], folder)
         else:
             self.process = server().fork(MODULES[kind], arguments, folder, self._output)
+        STARTED.append(self)
 
     def _started(self, arguments: list[str], folder: Path) -> subprocess.Popen:
         with self._output.open("wb") as output:
@@ -211,7 +231,8 @@ class Probe:
         deadline = time.monotonic() + timeout_s
         self.take()
         while not condition():
-            assert time.monotonic() < deadline, f"not within {timeout_s:g} s: {what}"
+            if time.monotonic() > deadline:
+                raise AssertionError(f"not within {timeout_s:g} s: {what}\n{what_became_of_them()}")
             time.sleep(_TAKE_PERIOD_S)
             self.take()
 

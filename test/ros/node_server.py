@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import faulthandler
 import importlib
 import json
 import os
@@ -174,6 +175,7 @@ def _become(target: str, arguments: list[str], folder: str, output: str, paths: 
     os.dup2(written, 1)
     os.dup2(written, 2)
     os.close(written)
+    faulthandler.enable()  # where it crashes, or hangs and is aborted, its output says where it was
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = [target, *arguments]
