@@ -16,29 +16,29 @@ from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_res
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 
 _N_PLAYS = 12  # of the switching part: twice as many change it by less than a hundredth
+_REACHES = (1.0, 0.6, 0.35)  # offered, shares of the largest displacement
 
 
 @compiled
 def _run_switching(plays: Array, reach_um: float, values: Array, out: Array) -> None:
-    # Rayleigh's picture: as many domains for each threshold up to the reach, and what they move grows with it.
+    # Rayleigh's picture: as many domains for each threshold up to the reach.
     n_plays = plays.size
     for k in range(values.size):
         total = 0.0
         for j in range(n_plays):
             threshold = reach_um * (j + 1) / n_plays
             plays[j] = min(max(plays[j], values[k] - threshold), values[k] + threshold)
-            total += (j + 1) * plays[j]
+            total += plays[j]
         out[k] = total / n_plays
 
 
 def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     # ``run_modes`` of the displacement times its size, and of what has switched
     total = 0.0
-    for j in range(len(c.weights)):
-        threshold = c.reach_um * c.weights[j] / len(c.weights)
-        s.plays[j] = min(max(s.plays[j], value - threshold), value + threshold)
-        total = total + c.weights[j] * s.plays[j]
-    source = c.per_um * value * abs(value) + c.switched * (total / len(c.weights))
+    for j in range(len(c.thresholds_um)):
+        s.plays[j] = min(max(s.plays[j], value - c.thresholds_um[j]), value + c.thresholds_um[j])
+        total = total + s.plays[j]
+    source = c.per_um * value * abs(value) + c.switched * (total / len(c.thresholds_um))
     total = value
     for j in range(len(c.rates)):
         mode = s.modes[j] + (k.ramp[j] * source + (k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
@@ -52,8 +52,9 @@ def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float) -> Number:
 class AmplitudeDependentCreep(Effect):
     """Creep that is more than in proportion beside the creep that is; exact between samples.
 
-    After a step x it adds per_decade_per_um |x| x log10(1 + t / onset_s); or what has switched, a sum of plays of the
-    displacement up to a reach (Rayleigh), creeps by switched_per_decade of itself, whatever level it begins at.
+    After a step x it adds per_decade_per_um |x| x log10(1 + t / onset_s); or what has switched, the mean of plays of
+    the displacement of all thresholds up to a reach (Rayleigh), creeps by switched_per_decade of itself, whatever level
+    it begins at.
     """
 
     name: ClassVar[str] = "amplitude_dependent_creep"
@@ -63,12 +64,12 @@ class AmplitudeDependentCreep(Effect):
         Parameter("per_decade_per_um", "1/um", -1e9, 1e9, description="growth in each decade of time, per um moved"),
         Parameter("onset_s", "s", 1e-12, 1e9, is_log=True, description="time after a step from which it grows so"),
         Parameter("switched_per_decade", "1", -1e3, 1e3, description="growth of what has switched in each decade"),
-        Parameter("reach_um", "um", 1e-9, 1e9, description="largest threshold of what switches"),
+        Parameter("reach_um", "um", 1e-9, 1e9, is_log=True, description="largest threshold of what switches"),
     )
     main_parameter: ClassVar[str] = "per_decade_per_um"
     linear_parameters: ClassVar[tuple[str, ...]] = ("per_decade_per_um", "switched_per_decade")
     # drive and elements hide when it begins: left to a fit it goes to any time shorter than a sample
-    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s", "reach_um")
+    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s",)
     meaning: ClassVar[str] = "Strong fields move domains that weak ones leave: large steps creep by more per cent."
     signature: ClassVar[str] = "after large steps the residual creeps on, after small ones it creeps back"
     experiment: ClassVar[str] = "steps of several sizes from the same level, each held for two decades of time"
@@ -79,6 +80,11 @@ class AmplitudeDependentCreep(Effect):
     onset_s: float
     switched_per_decade: float = 0.0
     reach_um: float = 1.0
+
+    def free_names(self) -> tuple[str, ...]:
+        """Return the size of what there is, and of what switches its reach."""
+        names = super().free_names()
+        return names if self.switched_per_decade != 0.0 else tuple(name for name in names if name != "reach_um")
 
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether wider motion creeps more: less is a correction of the creep order, and no cause."""
@@ -127,15 +133,14 @@ class AmplitudeDependentCreep(Effect):
         """Return the step for a controller."""
         rates, gains = logarithmic_modes(self.onset_s)
         form = modes_form(rates, gains / math.log(10.0), 0.0, is_inverted=False)
-        weights = tuple(float(j + 1) for j in range(_N_PLAYS))
+        thresholds_um = tuple(self.reach_um * (j + 1) / _N_PLAYS for j in range(_N_PLAYS))
         return replace(
             form,
             constants=(
                 *form.constants,
                 ("per_um", self.per_decade_per_um),
                 ("switched", self.switched_per_decade),
-                ("reach_um", self.reach_um),
-                ("weights", weights),
+                ("thresholds_um", thresholds_um),
             ),
             state=(*form.state, StateField("plays", (0.0,) * _N_PLAYS, is_array=True, comment="of the displacement")),
             forward=_creep_by_source,
@@ -147,10 +152,9 @@ class AmplitudeDependentCreep(Effect):
         step_s, stroke_um = evidence.sample_period_s, evidence.stroke_um
         if not stroke_um > 0.0:
             return []
-        reach_um = max(float(np.max(np.abs(record.predicted_um))) for record in evidence.records)
+        largest_um = max(float(np.max(np.abs(record.predicted_um))) for record in evidence.records)
         onsets_s = (step_s, 20.0 * step_s, 0.02 * evidence.duration_s)
-        sizes: tuple[dict[str, float], ...] = (
-            {"per_decade_per_um": 1e-3 / stroke_um},
-            {"per_decade_per_um": 0.0, "switched_per_decade": 1e-3, "reach_um": reach_um},
-        )
+        sizes: list[dict[str, float]] = [{"per_decade_per_um": 1e-3 / stroke_um}]
+        for share in _REACHES:
+            sizes.append({"per_decade_per_um": 0.0, "switched_per_decade": 1e-3, "reach_um": share * largest_um})
         return cls.proposed({**size, "onset_s": onset} for size in sizes for onset in onsets_s)

@@ -378,9 +378,9 @@ def test_what_has_switched_creeps_whatever_level_it_begins_at() -> None:
         state = effect.initial_state()
         effect.run(state, np.full(200_000, before), np.full(200_000, 1.0))
         crept.append(effect.run(state, values, steps_s) - after)
-    # thresholds 1/3, 2/3, ... 4 um, each as heavy as it is wide; from -3 um on a play has twice its width to go
-    fresh = 0.05 * sum((j / 12) * max(2.0 - j / 3, 0.0) for j in range(1, 13))
-    turned = 0.05 * sum((j / 12) * max(2.0 - 2 * j / 3, 0.0) for j in range(1, 13) if j / 3 <= 3.0)
+    # the mean over thresholds 1/3, 2/3, ... 4 um; from -3 um on a play has twice its width to go
+    fresh = 0.05 * sum(max(2.0 - j / 3, 0.0) for j in range(1, 13)) / 12
+    turned = 0.05 * sum(max(2.0 - 2 * j / 3, 0.0) for j in range(1, 13) if j / 3 <= 3.0) / 12
     decades = np.log10(1.0 + time_s / 0.01)
     # the step itself is straight over its sample, which a decade later no longer shows
     np.testing.assert_allclose(crept[0][10:], fresh * decades[10:], rtol=0.03)
