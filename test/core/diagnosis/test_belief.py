@@ -33,8 +33,11 @@ def test_what_noise_that_wanders_hides_of_a_margin_the_whitened_one_tells() -> N
 
 
 def test_the_same_margin_says_more_where_noise_is_left() -> None:
-    assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (-30.0, 0.0, 30.0))
+    assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (0.0, 3.0, 30.0))
     assert _told(-30.0, _MORE) < 0.5 < _told(3000.0, _MORE)
+    gained = [_told(3000.0, judgement) - _told(3.0, judgement) for judgement in (_NOISE, _MORE)]
+    assert gained[0] > gained[1], "of two models that are both wrong the likelier one says less"
+    assert _told(-30.0, _NOISE) < _told(-30.0, _MORE), "and the same of what another beats"
 
 
 def test_nothing_found_and_more_than_noise_left_is_most_likely_something_unknown() -> None:
