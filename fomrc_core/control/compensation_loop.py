@@ -222,12 +222,11 @@ class CompensationLoop:
         if self.target_um is None:
             self.activity = Activity.WAITING
             return self._rest(step_s)
-        settings = self.settings
-        is_stale = 0.0 < settings.stale_after_s < self._target_age_s
+        is_stale = 0.0 < self.settings.stale_after_s < self._target_age_s
         if is_stale:
             if self.activity is Activity.TRACKING:
                 self.counts.n_stale += 1
-            if settings.ramps_when_stale:
+            if self.settings.ramps_when_stale:
                 return self._ramp(step_s)
         self.activity = Activity.HOLDING if is_stale else Activity.TRACKING
         if self._previewed is not None:
@@ -257,15 +256,13 @@ class CompensationLoop:
         if step_s > _LATE_PERIODS * self.settings.period_s:
             self._sit_out(step_s - self.settings.period_s)
             step_s = self.settings.period_s
-        if self._replay is not None:
-            self._work_on_replay()
+        self._work_on_replay()
         return step_s
 
     def _sit_out(self, pause_s: float) -> None:
         """Let the memory follow a time in which nothing was driven: a late tick, inactive, suspended.
 
-        The amplifier held its voltage, so that the actuator crept; a target that was to be followed meanwhile it has
-        not followed. Creep runs by the logarithm of time: steps that double lose nothing of it.
+        The actuator crept at the voltage held. Creep runs by the logarithm of time: steps that double lose nothing.
         """
         if self._previewed is not None:
             self._previewed.hold(round(pause_s / self.settings.period_s))
@@ -283,12 +280,10 @@ class CompensationLoop:
     def _rest(self, step_s: float) -> float | None:
         if not self.has_driven:
             return None
-        # Nothing is driven, but what was must not stay beyond limits narrowed since.
-        allowed_v = self.settings.limits.clamp(self.voltage_v)
-        if allowed_v != self.voltage_v:
-            return self._apply(allowed_v, step_s)
-        self._move_with(self.voltage_v, step_s)  # the amplifier holds its voltage, and the actuator creeps on
-        return None
+        # The amplifier holds its voltage and the actuator creeps on; but beyond limits narrowed since it must not stay.
+        before_v, allowed_v = self.voltage_v, self.settings.limits.clamp(self.voltage_v)
+        self._apply(allowed_v, step_s)
+        return None if allowed_v == before_v else allowed_v
 
     def tick_to_safe(self, step_s: float) -> float:
         """Return the next voltage [V] of the ramp to the safe voltage; the memory follows."""

@@ -12,7 +12,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.wander import wander_of
+from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_of
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -44,6 +44,11 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
         and candidate.score.is_worthwhile()
         and (candidate.score.log_gain >= _RICH_GAIN or not candidate.brings_plays)
     )
+
+
+def is_no_wander(candidate: Candidate, split: DataSplit) -> bool:
+    """Return whether a candidate surely explains more than noise that wanders might."""
+    return gain_beyond_wander(candidate.fitted.model, candidate.cause, split) > SURE
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
@@ -26,22 +26,54 @@ def with_kin(
         split: records.
         causes: names that are asked for: kin that is not is none.
     """
-    effect = next((e for e in winner.fitted.model.effects if e.name == winner.cause), None)
-    if effect is None:
-        return candidates
-    lesser = winner.fitted.model.as_before(present.model, winner.cause)
-    for name, parameters in effect.kin().items():
-        if name not in causes or present.model.has(name):
+    for name, parameters in _kin_of(winner).items():
+        if name not in causes:
             continue
-        begun = [kind for kind in cause_classes()[name].proposed([parameters]) if isinstance(kind, Effect)]
-        if not begun:
-            continue
-        fitted = refit(lesser.with_cause(begun[0]), split.train)
+        own = _begun_where_it_is(winner, name, parameters, present, split)
         known = next((c for c in candidates if c.cause == name), None)
-        if known is not None and known.fitted.squared_error <= fitted.squared_error:
+        if own is None or (known is not None and known.fitted.squared_error <= own.fitted.squared_error):
             continue
-        own = candidate_of(present, split, name, fitted, bound=False)
         candidates = sorted(
             [*(c for c in candidates if c is not known), own], key=lambda candidate: -candidate.total_gain
         )
     return candidates
+
+
+def kin_left_out(
+    winner: Candidate, present: PresentModel, split: DataSplit, causes: Sequence[str]
+) -> tuple[Candidate, ...]:
+    """Return the kin of a winner that was not asked for, each fitted from where the winner has come to.
+
+    A cause is taken out of a search because it cannot act there, or in error: it is never found, but what does no
+    better than it is no sure answer either.
+
+    Args:
+        winner: the cause that is found.
+        present: the model before it.
+        split: records.
+        causes: names that are asked for.
+    """
+    begun = (
+        _begun_where_it_is(winner, name, parameters, present, split)
+        for name, parameters in _kin_of(winner).items()
+        if name not in causes
+    )
+    return tuple(own for own in begun if own is not None)
+
+
+def _kin_of(winner: Candidate) -> Mapping[str, Mapping[str, float]]:
+    effect = next((e for e in winner.fitted.model.effects if e.name == winner.cause), None)
+    return {} if effect is None else effect.kin()
+
+
+def _begun_where_it_is(
+    winner: Candidate, name: str, parameters: Mapping[str, float], present: PresentModel, split: DataSplit
+) -> Candidate | None:
+    """Return the cause of that name, fitted from those parameters in the place of the winner; None where it cannot."""
+    if present.model.has(name):
+        return None
+    begun = [kind for kind in cause_classes()[name].proposed([parameters]) if isinstance(kind, Effect)]
+    if not begun:
+        return None
+    lesser = winner.fitted.model.as_before(present.model, winner.cause)
+    return candidate_of(present, split, name, refit(lesser.with_cause(begun[0]), split.train), bound=False)

@@ -23,6 +23,7 @@ from fomrc_core.diagnosis.decision import (
     whitened_margin_of,
 )
 from fomrc_core.diagnosis.held_out_score import held_out_score
+from fomrc_core.diagnosis.kin import kin_left_out
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.step import Step
@@ -78,7 +79,7 @@ def looked_at_last(
             continue
         if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
             continue
-        own, candidates = _in_place_of(name, steps, final, split, causes, executor)
+        own, candidates, left_out = _in_place_of(name, steps, final, split, causes, executor)
         for other in candidates:
             if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
                 continue
@@ -92,8 +93,8 @@ def looked_at_last(
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
         looked[at] = replace(
             step.tied_with(ties_of(own, candidates, split)),
-            margin=margin_of(own, candidates, split),
-            whitened_margin=whitened_margin_of(own, candidates, split),
+            margin=margin_of(own, [*candidates, *left_out], split),
+            whitened_margin=whitened_margin_of(own, [*candidates, *left_out], split),
         )
     return LastLook(tuple(looked), None)
 
@@ -105,8 +106,11 @@ def _in_place_of(
     split: DataSplit,
     causes: Sequence[str],
     executor: Executor | None,
-) -> tuple[Candidate, list[Candidate]]:
-    """Return a cause as a candidate for what is left without it beside all the others, and who else there is."""
+) -> tuple[Candidate, list[Candidate], tuple[Candidate, ...]]:
+    """Return a cause as a candidate for what is left without it beside all the others, and who else there is.
+
+    Its kin that was not asked for comes last: it can take nobody's place.
+    """
     # Many arguments: one search, looked at from within.
     found = {step.accepted.cause for step in steps}
     before = next(step.before for step in steps if step.accepted.cause == name)
@@ -116,4 +120,5 @@ def _in_place_of(
     wanted = tuple(cause for cause in causes if cause not in found)
     screened = screen(present, wanted, held_view(lesser, split), executor)
     own = candidate_of(present, split, name, final, bound=False)
-    return own, candidates_for(present, split, screened, executor, own)
+    candidates = candidates_for(present, split, screened, executor, own)
+    return own, candidates, kin_left_out(own, present, split, causes)

@@ -184,6 +184,13 @@ class IntermittentContact(Effect):
         """Return whether this is a lead, which opens when it does."""
         return bool(self.opens_s)
 
+    def special_case(self) -> dict[str, float]:
+        """Return the kink of a stage that is let go where it was touched: its own motion is less by what is taken."""
+        if self.opens_s:
+            return {}
+        follows = 1.0 - self.stiffness_share
+        return {"kink_um": follows * self.contact_um, "slope_change": self.stiffness_share / follows}
+
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether at most openings the stage misses what the drive does, and has it back at once.
 

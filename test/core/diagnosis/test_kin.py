@@ -9,11 +9,14 @@ import pytest
 
 from fomrc_core.diagnosis.candidate import candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
-from fomrc_core.diagnosis.kin import with_kin
+from fomrc_core.diagnosis.decision import margin_of
+from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.drive_resonance import DriveResonance
+from fomrc_core.effects.intermittent_contact import IntermittentContact
+from fomrc_core.effects.lost_preload import LostPreload
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
 from fomrc_core.fitting.fit_record import FitRecord
@@ -58,6 +61,29 @@ def test_the_special_case_is_begun_where_the_general_one_has_come_to(split: Data
     assert with_kin(winner, [winner, own], present, split, _ASKED) == [winner, own]
     beside = PresentModel.of(own.fitted.model, split)
     assert with_kin(winner, [winner], beside, split, _ASKED) == [winner]
+
+
+def test_what_does_no_better_than_its_kin_is_not_sure_because_that_was_not_asked_for(split: DataSplit) -> None:
+    present = PresentModel.of(_PLAIN, split)
+    fitted = refit(_PLAIN.with_cause(UnequalLag(0.12, 0.12)), split.train)
+    winner = candidate_of(present, split, "unequal_lag", fitted, bound=False)
+    assert kin_left_out(winner, present, split, _ASKED) == ()
+    left_out = kin_left_out(winner, present, split, ("unequal_lag",))
+    assert "amplifier_bandwidth" in {c.cause for c in left_out}
+    assert margin_of(winner, [winner], split) > 100.0, "likelier than nothing at all"
+    assert margin_of(winner, [winner, *left_out], split) < 3.0, "no likelier than the lag it holds"
+
+
+def test_a_contact_that_lets_go_where_it_was_made_is_a_kink_to_the_eye() -> None:
+    displacement_um = np.linspace(-1.0, 3.0, 400)
+    steps_s = np.full(400, 0.1)
+    contact = IntermittentContact(contact_um=1.2, stiffness_share=0.3)
+    touched_um = contact.run(contact.initial_state(), displacement_um, steps_s)
+    kink = LostPreload(**contact.special_case())
+    # the same motion of a stage that is as much less elastic throughout
+    bent_um = kink.run(kink.initial_state(), 0.7 * displacement_um, steps_s)
+    assert np.ptp(touched_um - bent_um) < 1e-12
+    assert IntermittentContact(opens_s=(1.0,), closes_s=(2.0,)).special_case() == {}, "a lead is no kink"
 
 
 def test_a_cause_that_holds_no_other_has_no_special_case(split: DataSplit) -> None:

@@ -57,7 +57,7 @@ def _candidate(split: DataSplit, cause: str, left: float, n_free: int) -> Candid
 
 
 def _look(split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate) -> LastLook:
-    monkeypatch.setattr(last_look, "_in_place_of", lambda *_: (own, list(others)))
+    monkeypatch.setattr(last_look, "_in_place_of", lambda *_: (own, list(others), ()))
     monkeypatch.setattr(last_look, "held_residuals", lambda *_: list(own.held))
     hidden = Step(own.fitted.model, own, (), (), margin=0.4)
     since = Step(own.fitted.model, _candidate(split, "dead_zone", 1.0, 1), (), (), margin=50.0)

@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis import decision, search
+from fomrc_core.diagnosis import decision, pair_search, search
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.fitting.joint_fit import Refit
@@ -96,11 +97,11 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
 
     def better(beside: Candidate, settled: Refit) -> tuple[int, Candidate] | None:
-        monkeypatch.setattr(search, "_best_beside", lambda *_: beside)
+        monkeypatch.setattr(search, "best_beside", lambda *_: beside)
         monkeypatch.setattr(search, "fit_until_still", lambda *_: settled)
         gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
         monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
-        return search._better_rival(search._SearchState(both, tuple(steps), poor, frozenset()), split, (), None)
+        return search._better_rival(SearchState(both, tuple(steps), poor, frozenset()), split, (), None)
 
     delay = _contender(split, "transport_delay", 6.0, 6.0)
     assert better(delay, replace(good, model=plain)) == (0, rival)
@@ -115,7 +116,7 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
     # a slew limit beside a resonance: held out are triangles, which tell of neither as a dense record does
     accepted = _contender(split, "rate_dependent_hysteresis", 0.09, 0.41)
     slewing = _contender(split, "amplifier_slew_limit", 0.42, 0.15)
-    state = search._SearchState(accepted.fitted.model, (), accepted.fitted, frozenset())
+    state = SearchState(accepted.fitted.model, (), accepted.fitted, frozenset())
     both = replace(state, tried=frozenset({"amplifier_slew_limit"}))
 
     def asked(second: Candidate | None, *candidates: Candidate, own: Candidate | None = None) -> str:
@@ -123,8 +124,8 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
             found = own if first is accepted else second
             return None if found is None else (both, found)
 
-        monkeypatch.setattr(search, "_with_pair", pair_with)
-        return search._or_pair((state, accepted), state, [accepted, *candidates], split, (), 18, None)[1].cause
+        monkeypatch.setattr(pair_search, "_with_pair", pair_with)
+        return pair_search.or_pair((state, accepted), state, [accepted, *candidates], split, (), 18, None)[1].cause
 
     ringing = _contender(split, "mechanical_resonance", 10.0, 4.6)
     assert asked(ringing, slewing) == "mechanical_resonance"
@@ -166,14 +167,14 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
     monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
-    monkeypatch.setattr(search, "gain_beyond_wander", lambda _model, _cause, _split: math.inf)  # made up, not fitted
+    monkeypatch.setattr(search, "is_no_wander", lambda _candidate, _split: True)  # made up, not fitted
 
     def names_from(first: str) -> tuple[str, ...]:
         names = tuple(t.name for t in trials)
         return names[names.index(first) :]
 
     final = replace(leak.fitted, squared_error=left * split.noise_um**2 * split.n_used)
-    state = search._SearchState(final.model, (), final, frozenset())
+    state = SearchState(final.model, (), final, frozenset())
     candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None)  # type: ignore[arg-type]
     if left > search._MUCH_LEFT:
         assert chosen is not None
@@ -193,7 +194,7 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     answers = iter([search.LastLook(steps, (0, rival)), search.LastLook((), None)])
     seen: list[tuple[str, ...]] = []
 
-    def look(state: search._SearchState, *_: object) -> search.LastLook:
+    def look(state: SearchState, *_: object) -> search.LastLook:
         seen.append(tuple(step.accepted.cause for step in state.steps))
         return replace(next(answers), steps=state.steps)
 
@@ -201,18 +202,20 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     monkeypatch.setattr(search, "screen", lambda *_: ())
     found = iter([(first, "unequal_lag"), (second, "dead_zone")])
 
-    def asked(state: search._SearchState, *_: object) -> tuple[list[Candidate], object]:
+    def asked(state: SearchState, *_: object) -> tuple[list[Candidate], object]:
         candidate = next(found, (None, ""))[0]
         return [], None if candidate is None else (state, candidate)
 
     monkeypatch.setattr(search, "_asked", asked)
+    # a wrong name is put right before a pair is asked for
+    monkeypatch.setattr(search, "any_pair", lambda *_: seen.append(("a pair",)))
     monkeypatch.setattr(
         search,
         "_with_finding",
         lambda state, accepted, *_: replace(state, steps=(*state.steps, steps[len(state.steps)])),
     )
     result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)
-    assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone")]
+    assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone"), ("a pair",)]
     assert [step.accepted.cause for step in result.steps] == ["transport_delay", "dead_zone"]
 
 

@@ -1,0 +1,99 @@
+"""How far a search has come, and what of it still stands."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
+from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.present_model import residual_inflation
+from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.step import Step
+from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
+
+_LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
+PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
+
+
+@dataclass(frozen=True, eq=False)
+class SearchState:
+    """How far a search has come: the model, the acceptances that stand, the last joint refit, the names not to try."""
+
+    model: TrialModel
+    steps: tuple[Step, ...]
+    final: Refit
+    tried: frozenset[str]
+
+
+def with_rival(
+    state: SearchState,
+    at: int,
+    rival: Candidate,
+    beside: tuple[tuple[Step, ...], tuple[Step, ...]],
+    split: DataSplit,
+    executor: Executor | None,
+) -> SearchState:
+    """Return the state with another cause in the place of one: with what was found since it does better.
+
+    Args:
+        state: the state so far.
+        at: place of the one.
+        rival: the other, fitted beside those before and behind it.
+        beside: the acceptances before and behind it that its model has.
+        split: records.
+        executor: runs refits side by side where given.
+    """
+    steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
+    final = fit_until_still(rival.fitted.model, split.train, executor)
+    tried = frozenset(step.accepted.cause for step in steps)
+    return SearchState(follow_held(final.model, split), steps, final, tried)
+
+
+def pruned(state: SearchState, split: DataSplit, executor: Executor | None) -> SearchState:
+    """Return what stands after every cause has been tested again; the last must have taught something as well.
+
+    One that goes may have been all that another was needed beside, so that those that are left are tested once more.
+    """
+    given = state.steps
+    for step in given:
+        name = step.accepted.cause
+        is_last = step is given[-1]
+        if not state.model.has(name):
+            continue
+        lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
+        train_gain = math.log(lesser.squared_error / state.final.squared_error)
+        score = held_out_score(held_residuals(lesser.model, split.held), held_residuals(state.model, split.held))
+        is_kept = score.log_gain >= PRUNED or (is_last and score.is_worthwhile())
+        is_of_records = any(at is not None and cause.name == name for at, cause in state.model.found())
+        if is_kept:
+            continue
+        is_asked_of_training = is_of_records or is_last or is_idle_held(state.model, name, split)
+        if train_gain < PRUNED or not is_asked_of_training:
+            state = _without_step(state, step, lesser.model, split, executor)
+    errors = state.final.standard_errors(split.train, residual_inflation(state.final.residual, split.train))
+    for step in state.steps:
+        name = step.accepted.cause
+        ratios = []
+        for p in state.final.free:
+            if p.cause == name and p.spec.name == cause_classes()[name].main_parameter and not p.spec.is_log:
+                error = errors.get((p.cause, p.index, p.spec.name), 0.0)
+                ratios.append(abs(p.get(state.model)) / error if error > 0.0 else math.inf)
+        # where much is still unexplained its correlation widens every standard error: a sure held-out gain stands
+        if ratios and max(ratios) < _LEAST_SIGMAS and step.accepted.score.log_gain < WORTHWHILE_LOG_GAIN:
+            lesser_model = state.model.as_before(step.before, name)
+            state = _without_step(state, step, lesser_model, split, executor)
+    return state if not state.steps or len(state.steps) == len(given) else pruned(state, split, executor)
+
+
+def _without_step(
+    state: SearchState, step: Step, lesser: TrialModel, split: DataSplit, executor: Executor | None
+) -> SearchState:
+    """Return the state without an acceptance, the lesser model fitted until still."""
+    final = fit_until_still(lesser, split.train, executor)
+    steps = tuple(kept for kept in state.steps if kept is not step)
+    return replace(state, model=follow_held(final.model, split), steps=steps, final=final)
