@@ -78,9 +78,9 @@ def or_pair(
 def best_beside(
     first: Candidate, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
 ) -> Candidate | None:
-    """Return the candidate that gains most beside a first one."""
+    """Return the candidate that gains most beside a first one, of those its model has not."""
     present = PresentModel.of(first.fitted.model, split)
-    wanted = tuple(name for name in causes if name != first.cause)
+    wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
     return next(iter(candidates_for(present, split, screened, executor)), None)
 

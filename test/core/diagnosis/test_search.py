@@ -84,6 +84,20 @@ def test_rivals_are_those_that_did_nearly_as_well(split: DataSplit) -> None:
     assert [c.cause for c in decision.rivals_of(first, [first, near, far])] == ["transport_delay"]
 
 
+def test_beside_a_cause_only_those_are_asked_that_its_model_has_not(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = _contender(split, "transport_delay", 3.0, 3.0)
+    model = first.fitted.model.with_cause(AmplifierBandwidth(112.0))
+    first = replace(first, fitted=replace(first.fitted, model=model))
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(pair_search, "screen", lambda _present, names, *_: asked.append(names))
+    monkeypatch.setattr(pair_search, "candidates_for", lambda *_: [])
+    names = ("amplifier_bandwidth", "dead_zone", "transport_delay")
+    assert pair_search.best_beside(first, split, names, None) is None
+    assert asked == [("dead_zone",)]
+
+
 def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
