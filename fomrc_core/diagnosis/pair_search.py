@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
@@ -13,62 +13,66 @@ from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
-from fomrc_core.fitting.trial_model import TrialModel
 
 _SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
 _MOST_FIRSTS = 2  # tried with a second beside them: each costs a round
 
 
-def any_pair(
-    state: SearchState,
-    candidates: list[Candidate],
-    split: DataSplit,
-    wanted: tuple[str, ...],
-    n_causes: int,
-    executor: Executor | None,
-) -> tuple[SearchState, Candidate] | None:
+@dataclass(frozen=True, eq=False)
+class Round:
+    """What a pair is sought among in one round of a search.
+
+    Attributes:
+        state: how far the search has come.
+        candidates: of this round, the best first.
+        split: records.
+        wanted: names that a second may have.
+        n_causes: number of causes the search tries.
+        executor: runs refits side by side where given.
+    """
+
+    state: SearchState
+    candidates: list[Candidate]
+    split: DataSplit
+    wanted: tuple[str, ...]
+    n_causes: int
+    executor: Executor | None
+
+
+def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate to accept, and the state with a first, where no one alone does.
 
     The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
     may do worse than none on held-out data, that show more of the other.
     """
-    # Many arguments: one move of a search.
+    candidates = asked.candidates
     told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
     for first in (*(c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN), *told):
-        pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
+        pair = _with_pair(asked, first)
         if pair is not None:
             return pair
     return None
 
 
-def or_pair(
-    chosen: tuple[SearchState, Candidate],
-    state: SearchState,
-    candidates: list[Candidate],
-    split: DataSplit,
-    wanted: tuple[str, ...],
-    n_causes: int,
-    executor: Executor | None,
-) -> tuple[SearchState, Candidate]:
+def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[SearchState, Candidate]:
     """Return what was chosen, or a pair that does better in training and on held-out data.
 
     Where training data surely speak for another cause than held-out data do neither is the whole: each may stand in
     there for what the other record shows of two.
     """
-    # Many arguments: one move of a search.
     accepted = chosen[1]
-    told = [c for c in candidates if not c.is_bound and c.is_plausible]
+    told = [c for c in asked.candidates if not c.is_bound and c.is_plausible]
     told = [c for c in told if c.train_log_gain > accepted.train_log_gain + _SPEAKS_UP]
     # beside one that does, one that does worse than none held out has nothing to say
     told = [c for c in told if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
     for first in sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]:
-        pair = _with_pair(state, first, candidates, split, wanted, n_causes, executor)
+        pair = _with_pair(asked, first)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue
         # two explain more than one whichever they are: what was chosen gets a second as well
-        own = _with_pair(state, accepted, candidates, split, wanted, n_causes, executor)
+        own = _with_pair(asked, accepted)
         errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
         if pair[1].fitted.squared_error < min(errors):
             return pair
@@ -85,35 +89,24 @@ def best_beside(
     return next(iter(candidates_for(present, split, screened, executor)), None)
 
 
-def _with_pair(
-    state: SearchState,
-    first: Candidate,
-    candidates: list[Candidate],
-    split: DataSplit,
-    wanted: tuple[str, ...],
-    n_causes: int,
-    executor: Executor | None,
-) -> tuple[SearchState, Candidate] | None:
+def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate to accept, and the state with the first of the pair, where one alone does not do."""
-    # Many arguments: one move of a search.
-    pair = _second_of_pair(state.model, first, split, wanted, executor)
-    if pair is None or not is_accepted(pair[1], n_causes) or not is_no_wander(pair[1], split):
+    state, split = asked.state, asked.split
+    second = _second_of_pair(asked, first)
+    if second is None or not is_accepted(second, asked.n_causes) or not is_no_wander(second, split):
         return None
-    first, second = pair
     steps = (*state.steps, Step(state.model, replace(first, score=second.score), (), ()))
     state = replace(state, model=first.fitted.model, steps=steps, tried=state.tried | {first.cause})
-    return state, likelier(second, candidates, split, n_causes)
+    return state, likelier(second, asked.candidates, split, asked.n_causes)
 
 
-def _second_of_pair(
-    model: TrialModel, first: Candidate, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
-) -> tuple[Candidate, Candidate] | None:
-    """Return a first candidate and a second one that together gain on held-out data, where one alone does not."""
+def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
+    """Return a second candidate that gains together with a first on held-out data, where one alone does not."""
     if first.train_log_gain < WORTHWHILE_LOG_GAIN:
         return None
-    second = best_beside(first, split, causes, executor)
+    second = best_beside(first, asked.split, asked.wanted, asked.executor)
     if second is None:
         return None
-    before = held_residuals(model, split.held)
-    after = held_residuals(second.fitted.model, split.held)
-    return first, replace(second, score=held_out_score(before, after))
+    before = held_residuals(asked.state.model, asked.split.held)
+    after = held_residuals(second.fitted.model, asked.split.held)
+    return replace(second, score=held_out_score(before, after))

@@ -24,7 +24,7 @@ from fomrc_core.diagnosis.decision import (
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
-from fomrc_core.diagnosis.pair_search import any_pair, best_beside, or_pair
+from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
@@ -85,11 +85,13 @@ def search(
         screened = screen(present, wanted, held_view(state.model, split), executor)
         candidates: list[Candidate] = []
         chosen = None
-        if len(state.steps) < MAX_FINDINGS:
+        has_room = len(state.steps) < MAX_FINDINGS
+        if has_room:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, causes, executor)
-            if chosen is not None:
-                chosen = or_pair(chosen, state, candidates, split, wanted, len(causes), executor)
+        among = Round(state, candidates, split, wanted, len(causes), executor)
+        if chosen is not None:
+            chosen = or_pair(chosen, among)
         if chosen is None:
             tell(share + 0.07, "other causes in the place of those found")
             look = _last_look(state, split, causes, executor)
@@ -100,8 +102,8 @@ def search(
                 state = with_rival(state, at, rival, beside, split, executor)
                 continue
             # what is told beside a wrong name says little of pairs: it is put right first
-            if len(state.steps) < MAX_FINDINGS:
-                chosen = any_pair(state, candidates, split, wanted, len(causes), executor)
+            if has_room:
+                chosen = any_pair(among)
             if chosen is None:
                 runner_up = candidates[0] if candidates else None
                 return SearchResult(state.model, look.steps, state.final, screened, runner_up)

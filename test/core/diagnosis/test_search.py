@@ -139,7 +139,8 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
             return None if found is None else (both, found)
 
         monkeypatch.setattr(pair_search, "_with_pair", pair_with)
-        return pair_search.or_pair((state, accepted), state, [accepted, *candidates], split, (), 18, None)[1].cause
+        among = pair_search.Round(state, [accepted, *candidates], split, (), 18, None)
+        return pair_search.or_pair((state, accepted), among)[1].cause
 
     ringing = _contender(split, "mechanical_resonance", 10.0, 4.6)
     assert asked(ringing, slewing) == "mechanical_resonance"
