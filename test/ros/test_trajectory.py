@@ -17,6 +17,7 @@ FAST = MODEL | {
     "transport_delay": {"delay_s": 5e-4},
 }
 AHEAD_S = 0.5
+N_HEARD = 30  # of the hundred messages of a half period at 1 kHz
 
 
 def trajectory(times_s, positions_m, velocities=None, accelerations=None, name="piezo") -> JointTrajectory:
@@ -54,9 +55,10 @@ def test_a_trajectory_is_followed_replaced_and_cancelled(tmp_path, probe, start)
     lags_s = np.arange(0.0, 14e-3, 1e-4)
     errors = errors_at(lags_s, times_s, moved_m, 0.05, 0.95)
     # Late by what two processes take to hand a voltage on, not by the preview. A busy machine only adds to that, now
-    # more and now less: the least of nine half periods is what the nodes add.
-    begins_s = np.linspace(0.05, 0.85, 9)
+    # more and now less: the least of nine half periods, of those that were heard, is what the nodes add.
+    begins_s = [s for s in np.linspace(0.05, 0.85, 9) if np.sum((times_s > s) & (times_s < s + 0.1)) > N_HEARD]
     late_s = [lags_s[np.argmin(errors_at(lags_s, times_s, moved_m, s, s + 0.1))] for s in begins_s]
+    assert late_s, "the stage was heard in none of them"
     print(f"late by {1e3 * min(late_s):.1f} to {1e3 * max(late_s):.1f} ms, error {min(errors) / 2e-6:.2%} of the range")
     assert min(late_s) < 3.5e-3
     assert min(errors) < 0.03 * 2e-6
