@@ -69,8 +69,8 @@ def test_identify(tmp_path, probe, start, recording):
 
 @pytest.fixture
 def lagging_recording(tmp_path):
-    """A record at 1 kHz of the same actuator behind an amplifier of 12 Hz, worked at a tenth of the sample period."""
-    parts, rate_hz, cutoff_hz = 10, 1000.0, 12.0
+    """A record at 500 Hz of the same actuator behind an amplifier of 12 Hz, worked at a tenth of the sample period."""
+    parts, rate_hz, cutoff_hz = 10, 500.0, 12.0
     pieces = [
         excitation.triangle(1.5, slope_v_per_s=3.0, n_cycles=3, rate_hz=rate_hz).voltage_v,
         excitation.steps([1.2, -0.7, 0.9, -1.4, 0.3, 0.0], dwell_s=0.5, lead_in_s=0.1, rate_hz=rate_hz).voltage_v,

@@ -106,7 +106,7 @@ for name in ("train", "test"):
     np.savetxt(f"{name}.csv", rows, delimiter=",", header="time_s,voltage_v,displacement_um", comments="")
 """
     for seed, name in enumerate(("train", "test")):
-        time_s, voltage_v = _drive(250.0, 11 + seed)
+        time_s, voltage_v = _drive(125.0, 11 + seed)
         _write(tmp_path / f"{name}_drive.csv", time_s=time_s, voltage_v=voltage_v)
     (tmp_path / "make.py").write_text(script)
     path = os.pathsep.join([str(site), str(_ROOT)])

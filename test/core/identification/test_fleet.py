@@ -22,37 +22,42 @@ ROOT = Path(__file__).parents[3]
 OPTIONS = FleetOptions(n_elements=3)
 
 
-def actuator(index: int, n: int = 2400):
-    """A record of one actuator: literal elements, creep as a sum over its whole past; nothing of the product."""
-    rng = np.random.default_rng(index)
-    kappa, saturation = np.array([8.0, 4.0, 6.0, 1.2 + 0.02 * index]), np.array([0.05, 0.12, 0.1])
+def actuators(count: int, n: int = 2400):
+    """Times, drive and what each actuator moved: literal elements, creep as a sum over its whole past.
+
+    Nothing of the product. Shapes (n,), (n,) and (n, count).
+    """
+    kappa, saturation = np.array([8.0, 4.0, 6.0]), np.array([0.05, 0.12, 0.1])
+    last = 1.2 + 0.02 * np.arange(count)
     t = 1e-2 * np.arange(n)
     envelope = 2.0 * (1.0 - t / t[-1])
     voltage = envelope * (2.0 * np.abs((t / 4.0) % 2.0 - 1.0) - 1.0) * np.minimum(t / 0.5, 1.0)
     # displacement of the elements in series for a rising voltage: bisected, element by element
-    stretch, y, moved = np.zeros(3), 0.0, np.empty(n)
+    stretch, y, moved = np.zeros((count, 3)), np.zeros(count), np.empty((n, count))
     for k, u in enumerate(voltage):
         low, high = y - 5.0, y + 5.0
         for _ in range(45):
             middle = 0.5 * (low + high)
-            elements = np.clip(stretch + (middle - y) / kappa[:-1], -saturation, saturation)
-            if np.sum(elements) + middle / kappa[-1] < u:
-                low = middle
-            else:
-                high = middle
+            elements = np.clip(stretch + (middle - y)[:, np.newaxis] / kappa, -saturation, saturation)
+            is_low = np.sum(elements, axis=1) + middle / last < u
+            low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
         y, stretch = middle, elements
         moved[k] = y
     lag = np.arange(1, n + 1, dtype=float) ** 1.02
     weights = np.diff(lag, prepend=0.0) * (1e-2**0.02 / 0.9937)
-    creeping = np.convolve(np.diff(moved, prepend=0.0), weights)[:n]
-    return t, voltage, creeping + 1e-3 * rng.standard_normal(n)
+    creeping = np.empty((n, count))
+    for index in range(count):
+        noise_um = 1e-3 * np.random.default_rng(index).standard_normal(n)
+        creeping[:, index] = np.convolve(np.diff(moved[:, index], prepend=0.0), weights)[:n] + noise_um
+    return t, voltage, creeping
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fleet")
+    time_s, voltage_v, moved_um = actuators(4)
     for index in range(4):
-        table = np.column_stack(actuator(index))
+        table = np.column_stack((time_s, voltage_v, moved_um[:, index]))
         np.savetxt(
             folder / f"unit_{index}.csv", table, delimiter=",", header="time_s,voltage_v,displacement_um", comments=""
         )

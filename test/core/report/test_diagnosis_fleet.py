@@ -22,12 +22,12 @@ from fomrc_core.storage.record_work import records_in
 PLAIN = PiezoModel([10.0, 4.0, 7.0, 1.5], [0.02, 0.1, 0.3], 0.02)
 
 
-def stage(effect, seed: int, n: int = 3000) -> Recording:
-    """A record at 500 Hz: a shrinking triangle with steps in it, 1 nm of noise."""
-    t = np.arange(n) / 500.0
+def stage(effect, seed: int, n: int = 1500) -> Recording:
+    """A record at 250 Hz: a shrinking triangle with steps in it, 1 nm of noise."""
+    t = np.arange(n) / 250.0
     voltage = (2.0 - t / 4.0) * (2.0 * np.abs((t / 0.8 + 0.5) % 2.0 - 1.0) - 1.0) * np.minimum(t / 0.2, 1.0)
     voltage = np.where((t > 3.0) & (t < 4.0), np.round(2.0 * voltage) / 2.0, voltage)
-    steps = np.full(n, 1.0 / 500.0)
+    steps = np.full(n, 1.0 / 250.0)
     moved = PLAIN.with_effects(effect).simulate(steps, voltage)
     return Recording(t, voltage, moved + 1e-3 * np.random.default_rng(seed).standard_normal(n))
 

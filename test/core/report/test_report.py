@@ -293,10 +293,10 @@ def test_the_command_writes_all_of_it_and_the_model_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    time_s = np.arange(3000) * 2e-3
+    time_s = np.arange(1500) * 4e-3
     voltage_v = 2.0 * np.sin(2.0 * np.pi * 1.5 * time_s) * np.exp(-0.3 * time_s)
-    moved_um = _MODEL.with_effects().simulate(np.full(3000, 2e-3), voltage_v)
-    moved_um = moved_um + np.random.default_rng(3).normal(0.0, 1e-3, 3000)
+    moved_um = _MODEL.with_effects().simulate(np.full(1500, 4e-3), voltage_v)
+    moved_um = moved_um + np.random.default_rng(3).normal(0.0, 1e-3, 1500)
     write_recording(Recording(time_s, voltage_v, moved_um), tmp_path / "record.csv")
     assert run(["diagnose", "record.csv", "--output", "result"]) == 0
     told = capsys.readouterr()
