@@ -46,7 +46,8 @@ _READ_BEST_EFFORT = QoSProfile(depth=20000, reliability=ReliabilityPolicy.BEST_E
 _READ = QoSProfile(depth=20000)
 # Waiting ends when what is waited for has come; this much later it never will, on however busy a machine.
 PATIENCE_S = 120.0
-_TAKE_PERIOD_S = 0.002
+# Asked more seldom the longer nothing comes of it: a test that waits for seconds leaves the processors to the nodes.
+_FIRST_PERIOD_S, _LONGEST_PERIOD_S = 0.001, 0.008
 
 
 def model_file(path: Path, model: dict | None = None, **parameters: object) -> Path:
@@ -228,12 +229,13 @@ class Probe:
 
     def until(self, condition: Callable[[], object], what: str, timeout_s: float = PATIENCE_S) -> None:
         """Take what comes until the condition holds."""
-        deadline = time.monotonic() + timeout_s
+        deadline, period_s = time.monotonic() + timeout_s, _FIRST_PERIOD_S
         self.take()
         while not condition():
             if time.monotonic() > deadline:
                 raise AssertionError(f"not within {timeout_s:g} s: {what}\n{what_became_of_them()}")
-            time.sleep(_TAKE_PERIOD_S)
+            time.sleep(period_s)
+            period_s = min(1.2 * period_s, _LONGEST_PERIOD_S)
             self.take()
 
     def spin_for(self, duration_s: float) -> None:
@@ -315,7 +317,7 @@ class Probe:
             due = max(due + 1.0 / rate_hz, time.perf_counter())
             while (left_s := due - time.perf_counter()) > 0.0:
                 self.take()
-                time.sleep(min(_TAKE_PERIOD_S, left_s))
+                time.sleep(min(_LONGEST_PERIOD_S, left_s))
         self.take()
         return sent
 

@@ -72,7 +72,7 @@ class Lockstep:
         while not condition():
             if time.monotonic() > deadline:
                 return False
-            time.sleep(0.0002)
+            time.sleep(0.0005)
             self._probe.take()
         return True
 
