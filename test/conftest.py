@@ -43,6 +43,7 @@ _LONGEST = (
 # Of the cases of one test here the first and the last run, of others all.
 _ALIKE = (
     _ROS_TESTS,
+    "test/core/diagnosis/test_untaught.py",
     "test/core/export/test_exported_effects.py::test_all_effects_together",
     "test/core/export/test_exported_effects.py::test_an_effect_alone",
     "test/core/model/test_model.py::test_plain_python_equals_compiled",

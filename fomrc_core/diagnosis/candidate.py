@@ -213,7 +213,7 @@ def _likely(explained: dict[str, float]) -> list[str]:
 def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
     """Return the held-out record under a model; None where blocks of the training records are held out."""
     apart = [part for part in split.held if part.index >= len(split.train)]
-    return HeldView.of(model, apart[0].record, apart[0].index) if apart else None
+    return HeldView.of(model, apart[0]) if apart else None
 
 
 def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, float]) -> Candidate | None:

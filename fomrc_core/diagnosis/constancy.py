@@ -19,6 +19,7 @@ from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import SURE
 from fomrc_core.diagnosis.judgement import Judgement
 from fomrc_core.diagnosis.present_model import residual_inflation
+from fomrc_core.diagnosis.untaught import with_untaught
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import FreeParameter
@@ -96,7 +97,8 @@ def constancy(model: TrialModel, final: Refit, split: DataSplit) -> Constancy:
     # blocks of a record that was learned from would say the same again
     for part in (part for part in split.held if part.index >= len(split.train) and learned.free):
         try:
-            other = refit(model.alone(part.index), (part.record,), n_iterations=_N_ITERATIONS)
+            alone = with_untaught(model.alone(part.index), part.untaught_v)
+            other = refit(alone, (part.record,), n_iterations=_N_ITERATIONS)
         except ParameterError:
             continue
         found.append(_compared(learned, _Estimate.of(other, (part.record,))))

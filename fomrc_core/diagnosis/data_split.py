@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.diagnosis.untaught import BeyondLearned, untaught_directions, untaught_plays, without
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
@@ -30,10 +31,33 @@ SUBSTEPS = Substeps.BENDS  # of every record and model of a diagnosis: what is t
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A held-out stretch: a record, its number among all records, and the samples that are scored."""
+    """A held-out stretch: a record, and the samples of it that are scored.
+
+    Attributes:
+        record: the record.
+        index: its number among all records.
+        untaught_v: thresholds of plays that its drive moves and no training record does [V], shape (n_plays,).
+    """
 
     record: FitRecord
     index: int
+    untaught_v: Array = field(default_factory=lambda: np.zeros(0))
+
+    def judged(self, trial: TrialModel, left_um: Array) -> Array:
+        """Return what a model leaves that it may be judged by [um], shape (n_samples,).
+
+        Args:
+            trial: the model.
+            left_um: measured minus predicted, offset removed [um], shape (n_samples,).
+        """
+        directions = self.directions(trial)
+        return left_um if directions is None else without(directions, left_um, self.record.is_used)
+
+    def directions(self, trial: TrialModel) -> Array | None:
+        """Return what nobody taught a model, orthonormal over the scored samples; None where it was taught all."""
+        if not self.untaught_v.size:
+            return None
+        return untaught_directions(trial, self.record, self.index, self.untaught_v)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +80,12 @@ class DataSplit:
     def n_records(self) -> int:
         """Number of all records, learnt from or not."""
         return 1 + max([len(self.train) - 1] + [h.index for h in (*self.held, *self.report)])
+
+    @property
+    def beyond_learned(self) -> tuple[BeyondLearned, ...]:
+        """Held-out records whose drive goes beyond that of the training records."""
+        apart = {part.index: part for part in (*self.held, *self.report) if part.untaught_v.size}
+        return tuple(BeyondLearned.of(self.train, part.record) for part in apart.values())
 
     @property
     def is_apart(self) -> bool:
@@ -86,17 +116,21 @@ def split_data(
         held = tuple(HeldOut(r.using(held_out_blocks(r.time_s.size)), i) for i, r in enumerate(train))
         train = tuple(r.using(learned_blocks(r.time_s.size)) for r in train)
     else:
-        held = (HeldOut(_scored(FitRecord.of(test, substeps=SUBSTEPS)), len(train)),)
-    quoted = held if report is None else (HeldOut(_scored(FitRecord.of(report, substeps=SUBSTEPS)), len(train) + 1),)
+        held = (_apart(test, len(train), train),)
+    quoted = held if report is None else (_apart(report, len(train) + 1, train),)
     return DataSplit(train, held, quoted, noise_um)
 
 
-def _scored(record: FitRecord) -> FitRecord:
-    return record.using(is_settled(record.time_s, record.voltage_v))
+def _apart(recording: Recording, index: int, train: tuple[FitRecord, ...]) -> HeldOut:
+    record = FitRecord.of(recording, substeps=SUBSTEPS)
+    record = record.using(is_settled(record.time_s, record.voltage_v))
+    return HeldOut(record, index, untaught_plays(train, record))
 
 
 def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
-    """Return measured minus predicted, offset removed, on the scored samples of each held-out stretch [um].
+    """Return what a model may be judged by on the scored samples of each held-out stretch [um].
+
+    That is measured minus predicted, the offset removed, and what nothing taught it.
 
     Where the start is not sure, a rest at the first voltage and the relaxed state are both tried and the better
     one is taken: the start is no merit of a model.
@@ -111,9 +145,18 @@ def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
         residuals = []
         for option in options:
             raw = part.record.measured_um - predict(option, part.record, part.index)
-            residuals.append(centred(raw, part.record.is_used)[part.record.is_used])
+            left_um = part.judged(option, centred(raw, part.record.is_used))
+            residuals.append(left_um[part.record.is_used])
         found.append(min(residuals, key=rms))
     return found
+
+
+def quoted_residuals(model: TrialModel, parts: tuple[HeldOut, ...]) -> list[Array]:
+    """Return measured minus simulated, offset removed, on the scored samples of each stretch [um].
+
+    What a user of the model gets there, untaught or not.
+    """
+    return held_residuals(model, tuple(replace(part, untaught_v=np.zeros(0)) for part in parts))
 
 
 def is_idle_held(model: TrialModel, cause: str, split: DataSplit) -> bool:

@@ -21,7 +21,7 @@ from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
@@ -40,6 +40,7 @@ from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.training_tells import unless_training_tells
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
+from fomrc_core.diagnosis.untaught import BeyondLearned
 from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
 from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
@@ -83,6 +84,8 @@ class Diagnosis:
         unnamed: terms that follow what no cause explains, in the extended model with the causes; None where none do.
         data_quality: what is wrong with the samples of each record, and which of them were left out.
         thinning: how long records were thinned for the search, and what that loses; None where they were not.
+        beyond_learned: held-out records whose drive goes beyond that of the training records: no model is judged by
+            what hysteresis does there alone, and the errors told hold it.
         stand_ins: accepted forms that another cause surely beats and that are no names for it: in the extended model
             for what they gain, for something that is not known.
     """
@@ -107,6 +110,7 @@ class Diagnosis:
     data_quality: tuple[DataQuality, ...] = ()
     thinning: Thinning | None = None
     stand_ins: tuple[Finding, ...] = ()
+    beyond_learned: tuple[BeyondLearned, ...] = ()
 
     def __str__(self) -> str:
         return self.summary()
@@ -131,6 +135,7 @@ class Diagnosis:
         """Return the diagnosis in a few lines."""
         lines = [f"status: {self.status.value}; noise floor {1e3 * self.noise_floor_um:.3g} nm rms"]
         lines += [f"data quality: {quality}" for quality in self.data_quality if quality.faults]
+        lines += [f"beyond what was learned: {beyond}" for beyond in self.beyond_learned]
         lines += self.thinning.sentences() if self.thinning is not None else ()
         lines += [finding.sentence() for finding in self.findings]
         lines += [finding.sentence_of_stand_in() for finding in self.stand_ins]
@@ -316,11 +321,12 @@ def _result(
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
     written, described = extension.model, None
+    trial = extension.trial
     if unnamed is not None:
         trial, described = unnamed
         written = as_written(trial, split)
-        after = rms(np.concatenate(held_residuals(trial, split.report)))
         records, _, _ = record_views(split, base, trial, noise)
+    told = [rms(np.concatenate(quoted_residuals(each, split.report))) for each in (base, trial)]
     return Diagnosis(
         status=status,
         judgement=judgement,
@@ -328,8 +334,8 @@ def _result(
         noise=noise,
         noise_floor_um=floor,
         baseline_train_percent=normalised_percent(train, [r.measured_um for r in split.train]),
-        baseline_test_percent=normalised_percent(before, quoted_um),
-        final_test_percent=normalised_percent(after, quoted_um),
+        baseline_test_percent=normalised_percent(told[0], quoted_um),
+        final_test_percent=normalised_percent(told[1], quoted_um),
         findings=findings,
         ambiguous_with=tuple(tied),
         unexplained_percent=100.0 * judgement.unexplained_share,
@@ -340,4 +346,5 @@ def _result(
         quoted_on=split.report[0].record.recording.name,
         unnamed=described,
         stand_ins=tuple(finding for finding in everything if finding.cause in beaten),
+        beyond_learned=split.beyond_learned,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.diagnosis.constancy import ParameterTwice
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, quoted_residuals
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.screening import Screened
@@ -108,8 +108,8 @@ def findings_of(
     for step, after_model in zip(steps, models, strict=True):
         cause = step.accepted.cause
         kind = cause_classes()[cause]
-        before = normalised_percent(rms(np.concatenate(held_residuals(step.before, split.report))), quoted_um)
-        after = normalised_percent(rms(np.concatenate(held_residuals(after_model, split.report))), quoted_um)
+        before = normalised_percent(rms(np.concatenate(quoted_residuals(step.before, split.report))), quoted_um)
+        after = normalised_percent(rms(np.concatenate(quoted_residuals(after_model, split.report))), quoted_um)
         acting, index = _find(final_model, cause)
         # what has been folded into the elements shows in their number
         parameters: Values = {kind.main_parameter: float(n_elements)} if acting is None else acting.to_mapping()

@@ -27,8 +27,8 @@ class RecordView:
         time_s: time from its start [s].
         voltage_v: drive [V].
         measured_um: measured displacement [um].
-        residual_before_um: measured minus the base model [um], offset removed.
-        residual_after_um: measured minus the extended model [um], offset removed.
+        residual_before_um: measured minus the base model [um], offset removed, and what nothing taught it.
+        residual_after_um: measured minus the extended model [um], the same removed.
         is_scored: samples that say something of the model, those that are not valid left out.
     """
 
@@ -63,8 +63,8 @@ def record_views(
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
         # what was read at samples that are not valid is no residual, and is shown as none
         valid = record.recording.valid_samples
-        before = bridged(best_residual(base, record, part.index), valid)
-        after = bridged(best_residual(model, record, part.index), valid)
+        before = bridged(part.judged(base, best_residual(base, record, part.index)), valid)
+        after = bridged(part.judged(model, best_residual(model, record, part.index)), valid)
         views.append(
             RecordView(
                 record.recording.name,

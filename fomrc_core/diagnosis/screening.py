@@ -15,7 +15,9 @@ import numpy as np
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, product, whitening_of
 from fomrc_core.compute.pulse import beat
+from fomrc_core.diagnosis.data_split import HeldOut
 from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.untaught import without
 from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
@@ -71,7 +73,8 @@ class HeldView:
         predicted_um: predicted displacement, jumps alone divided [um], shape (n_samples,).
         columns: directions in which the model can move [um], offset removed, those of the linear part and of each
             parameter of its effects, shape (n_samples, n_directions); zero for what belongs to other records.
-        residual_um: measured minus predicted, offset removed [um], shape (n_samples,).
+        residual_um: measured minus predicted, offset and what nothing taught the model removed [um], (n_samples,).
+        untaught: directions of what nothing taught the model, orthonormal, (n_samples, n); None where there are none.
     """
 
     record: FitRecord
@@ -79,10 +82,12 @@ class HeldView:
     predicted_um: Array
     columns: Array
     residual_um: Array
+    untaught: Array | None
 
     @classmethod
-    def of(cls, model: TrialModel, record: FitRecord, index: int) -> HeldView:
-        """Return the view of a record."""
+    def of(cls, model: TrialModel, part: HeldOut) -> HeldView:
+        """Return the view of a held-out record."""
+        record, index = part.record, part.index
         alone = model.alone(index)
         columns = tangent(alone, (record,)).columns[0]
         free = free_parameters(model)
@@ -92,7 +97,10 @@ class HeldView:
             moved[:, shared] = effect_directions(alone, tuple(free[k] for k in shared), (record,))[0]
         columns = np.column_stack((columns, moved))
         residual_um = centred(record.measured_um - predict(model, record, index), record.is_used)
-        return cls(record, index, predict(model, record, index, is_coarse=True), columns, residual_um)
+        untaught = part.directions(model)
+        if untaught is not None:
+            residual_um = without(untaught, residual_um, record.is_used)
+        return cls(record, index, predict(model, record, index, is_coarse=True), columns, residual_um, untaught)
 
     def evidence(self) -> RecordEvidence:
         """Return what a cause may look at of it."""
@@ -107,7 +115,10 @@ class HeldView:
             shape = centred(signature(model, self.record, self.index, cause, self.predicted_um), self.record.is_used)
         except ParameterError:
             return 0.0
-        shape = (shape - self.columns @ coefficients)[self.record.is_used]
+        shape = shape - self.columns @ coefficients
+        if self.untaught is not None:
+            shape = without(self.untaught, shape, self.record.is_used)
+        shape = shape[self.record.is_used]
         power, moment = float(np.dot(shape, shape)), float(np.dot(shape, self.residual_um[self.record.is_used]))
         if not power > 0.0 or not (takes_either_sign or moment > 0.0):
             return 0.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.extended_model import is_no_worse, least_slope
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.effects import Covariate, Effect, effect_classes
@@ -93,7 +93,7 @@ def unnamed_extension(
     names = {effect.name for effect in offered}
     effects = tuple(effect for effect in extended.effects if effect.name in names)
     words = "depends on " + "; on ".join(effect.words() for effect in effects)
-    quoted_before, quoted_after = (rms(np.concatenate(held_residuals(m, split.report))) for m in (model, extended))
+    quoted_before, quoted_after = (rms(np.concatenate(quoted_residuals(m, split.report))) for m in (model, extended))
     return extended, UnnamedExtension(effects, words, quoted_before, quoted_after, score.p_value)
 
 
@@ -174,7 +174,12 @@ def _rows(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]
         columns = np.column_stack((*linear, *terms))
         every: Mask = np.ones(at.size, dtype=np.bool_)
         target = centred((record.measured_um - moved_um)[at], every)
-        found.append((centred(columns, every), target))
+        columns = centred(columns, every)
+        untaught = part.directions(model)
+        if untaught is not None:
+            beyond = np.linalg.qr(centred(untaught[at], every))[0]
+            columns, target = columns - beyond @ (beyond.T @ columns), target - beyond @ (beyond.T @ target)
+        found.append((columns, target))
     return found
 
 

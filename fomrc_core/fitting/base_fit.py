@@ -27,14 +27,18 @@ _WEIGHTLESS = 1e-9  # of the largest weight
 
 def threshold_grid(records: tuple[FitRecord, ...], n_thresholds: int) -> Array:
     """Return thresholds [V] over what the drives reach, zero first, denser near zero, shape (n_thresholds + 1,)."""
-    reach = max(float(np.max(np.abs(r.voltage_v))) for r in records)
-    span = max(float(np.ptp(r.voltage_v)) for r in records)
-    if not span > 0.0:
+    if not any(np.ptp(r.voltage_v) > 0.0 for r in records):
         name, value = records[0].recording.name, float(records[0].voltage_v[0])
         raise RecordingError("voltage is constant", where=name, value=value, allowed="a voltage that moves")
-    # A play moves on a first rise up to the reach; once the drive has turned, up to half the span.
-    top = max(reach, 0.5 * span)
-    return np.asarray(top * (np.arange(n_thresholds + 1) / n_thresholds) ** _DENSER_NEAR_ZERO)[:-1]
+    return np.asarray(widest_play_v(records) * (np.arange(n_thresholds + 1) / n_thresholds) ** _DENSER_NEAR_ZERO)[:-1]
+
+
+def widest_play_v(records: tuple[FitRecord, ...]) -> float:
+    """Return the threshold of the widest play that the drives move [V].
+
+    A play moves on a first rise up to the reach of the drive; once that has turned, up to half its span.
+    """
+    return max(max(float(np.max(np.abs(r.voltage_v))), 0.5 * float(np.ptp(r.voltage_v))) for r in records)
 
 
 def fit_base(

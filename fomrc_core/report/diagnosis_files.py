@@ -122,6 +122,10 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             ],
         },
         "data_quality": [quality_results(quality) for quality in diagnosis.data_quality],
+        "beyond_learned": [
+            {"record": beyond.name, "widest_play_v": beyond.widest_v, "learned_v": beyond.learned_v}
+            for beyond in diagnosis.beyond_learned
+        ],
         "thinning": thinning_results(diagnosis.thinning),
         "quoted_on": {"name": diagnosis.quoted_on, "role": quoted_record(diagnosis).role},
         "records": [

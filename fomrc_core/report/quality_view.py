@@ -51,6 +51,8 @@ def quality_results(quality: DataQuality) -> dict[str, Any]:
 def quality_section(diagnosis: Diagnosis) -> Iterator[str]:
     """Yield the section of the page; nothing is wrong with most records, and one sentence says so."""
     faulty = [quality for quality in diagnosis.data_quality if quality.faults]
+    for beyond in diagnosis.beyond_learned:
+        yield f"<p>Beyond what was learned: {prose(str(beyond))}.</p>"
     if not faulty:
         yield "<p>No spike, dropout, stuck reading or gap was found in any record.</p>"
         return

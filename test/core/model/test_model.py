@@ -229,7 +229,7 @@ def test_kernels_work_where_no_cache_can_be_written():
 def test_a_changed_kernel_is_compiled_anew_in_those_that_use_it(tmp_path):
     # numba looks at the file of the calling kernel alone; here one of another file changes
     pytest.importorskip("numba")
-    shutil.copytree(ROOT / "fomrc_core", tmp_path / "fomrc_core", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "fomrc_core", tmp_path / "fomrc_core")
     script = (
         "import numpy as np; from fomrc_core.model.piezo_model import PiezoModel;"
         "print(PiezoModel([2.0, 1.0], [0.1], 0.0).simulate(np.full(9, 1e-3), np.ones(9))[-1])"
