@@ -48,6 +48,7 @@ _ALIKE = (
     "test/core/export/test_exported_effects.py::test_an_effect_alone",
     "test/core/model/test_model.py::test_plain_python_equals_compiled",
     "test/core/records/test_noise_model.py",
+    "test/core/records/test_noisy_drive.py",
     "test/hidden/test_truth.py",
 )
 _MEASURES = (
@@ -62,6 +63,7 @@ _LONG_FILES = (
     "test/core/export/",
     "test/core/identification/test_fleet.py",
     "test/core/records/test_noise_model.py",
+    "test/core/records/test_noisy_drive.py",
     "test/ros/test_never_garbage.py",
     "test/ros/test_calibration.py",
     "test/ros/test_files_and_parameters.py",

@@ -13,6 +13,7 @@ from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, 
 from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.excursions import N_BURST_MAX, Surroundings, find_excursions
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.quality.noisy_drive import drive_noise_v, smoothed_drive_v
 from fomrc_core.records.recording import Recording
 
 _N_PASSES = 8  # excursions beside each other hide each other until the larger one is gone
@@ -31,6 +32,8 @@ class Examined:
 def examine(recording: Recording) -> Examined:
     """Return the record with its bad samples masked, their readings bridged by straight lines, and what is wrong.
 
+    The noise of a recorded drive of which the displacement shows nothing is smoothed out.
+
     Args:
         recording: with displacement; what its own ``is_valid`` leaves out stays out.
 
@@ -39,6 +42,11 @@ def examine(recording: Recording) -> Examined:
     """
     valid = recording.valid_samples
     faults = list(clock_faults(recording.time_s))
+    noise_v = drive_noise_v(recording.time_s, recording.voltage_v, recording.measured_um)
+    if noise_v > 0.0:
+        every = np.arange(recording.n_samples)
+        faults.append(DataFault(FaultKind.NOISY_DRIVE, every, recording.time_s, noise_v, False, np.zeros(0)))
+        recording = replace(recording, voltage_v=smoothed_drive_v(recording.voltage_v, noise_v))
     found = reading_faults(recording)
     faults += found
     for fault in found:

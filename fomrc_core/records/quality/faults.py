@@ -23,6 +23,7 @@ class FaultKind(Enum):
     DOUBLED = "doubled samples"
     GAPS = "missing samples"
     UNEVEN_CLOCK = "uneven clock"
+    NOISY_DRIVE = "noisy drive"
 
 
 _WORDS = {
@@ -33,6 +34,7 @@ _WORDS = {
     FaultKind.DOUBLED: "readings that are a whole sample late from there on, as where a reader keeps one twice",
     FaultKind.GAPS: "steps of the clock in which samples are missing",
     FaultKind.UNEVEN_CLOCK: "steps of the clock that are not all alike",
+    FaultKind.NOISY_DRIVE: "fluctuations of the recorded drive of which the displacement shows nothing",
 }
 
 _IN_MICRONS = (FaultKind.SPIKES, FaultKind.DROPOUTS, FaultKind.STUCK)
@@ -48,7 +50,7 @@ class DataFault:
         times_s: their times [s], shape (n_bad,).
         size: of spikes and dropouts the largest jump, of a stuck sensor the largest jump at its release [um]; of
             missing samples the longest step, of an uneven clock the rms of the steps, in median steps [1]; of lost and
-            doubled samples their number [1].
+            doubled samples their number [1]; of the noise of a drive its rms [V].
         is_masked: whether the samples are left out of every fit and score.
         readings_um: what the sensor read there [um], shape (n_bad,); empty for a clock.
     """
@@ -63,10 +65,12 @@ class DataFault:
     def __str__(self) -> str:
         times = ", ".join(f"{t:.6g}" for t in self.times_s[:_N_TIMES_TOLD])
         more = ", ..." if self.times_s.size > _N_TIMES_TOLD else ""
-        unit = " um" if self.kind in _IN_MICRONS else ""
+        unit = " um" if self.kind in _IN_MICRONS else " V rms" if self.kind is FaultKind.NOISY_DRIVE else ""
         done = "left out" if self.is_masked else "taken as they are"
         if self.kind in (FaultKind.LOST, FaultKind.DOUBLED):
             done = "those after them moved to where they belong"
+        if self.kind is FaultKind.NOISY_DRIVE:
+            done = "smoothed"
         return (
             f"{self.kind.value}: {self.samples.size} samples, at {times}{more} s, size {self.size:.4g}{unit}; {done} "
             f"({_WORDS[self.kind]})"
