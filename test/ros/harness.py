@@ -321,6 +321,14 @@ class Probe:
         self.take()
         return sent
 
+    def drive_until(self, publisher, target_m: float, condition: Callable[[], object], what: str) -> None:
+        """Publish a target until something comes of it: what is sent to a node that is not active yet is lost."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not condition():
+            if time.monotonic() > deadline:
+                raise AssertionError(f"not within {PATIENCE_S:g} s: {what}\n{what_became_of_them()}")
+            self.drive(publisher, lambda _: target_m, 0.05)
+
 
 def _message(name: str, value: object):
     if isinstance(value, Parameter):

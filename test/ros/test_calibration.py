@@ -139,7 +139,7 @@ def test_whatever_fails_the_old_model_goes_on_and_the_voltage_is_safe(tmp_path, 
     publisher = probe.publisher("desired_position")
     client = probe.client(Trigger, f"{identification.name}/calibrate")
     probe.until(lambda: client.service_is_ready() and moved, "nodes")
-    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
+    probe.drive_until(publisher, 0.5e-6, lambda: heard, "a voltage")
 
     def check(future, named: str) -> None:
         probe.until(lambda: future.done(), f"end of calibration: {named}")

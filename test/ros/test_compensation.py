@@ -87,7 +87,7 @@ def test_bad_targets_are_refused_and_the_loop_lives_on(tmp_path, probe, start):
     node = start("compensator", model_file(tmp_path / "model.yaml"), rate_hz=200.0)
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
-    probe.drive(publisher, lambda t: 0.5e-6, 0.2)
+    probe.drive_until(publisher, 0.5e-6, lambda: heard, "a voltage")
     bad = (math.nan, math.inf, -math.inf, 1e300, 1.0)
     # Each alone, until it has been refused: of several that wait for a busy node only the last is read.
     n_refused = 0

@@ -163,7 +163,7 @@ def test_a_large_file_is_read_without_stopping_the_voltage(tmp_path, probe, star
     node = start("compensator", file, rate_hz=200.0)
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
-    probe.drive(publisher, lambda t: 0.5e-6, 0.3)
+    probe.drive_until(publisher, 0.5e-6, lambda: heard, "a voltage")
     # 960 kB that take YAML seconds to read, how many is the machine's; the names in it are none, so that it is refused
     # in the end.
     names = "".join(f"    name_{k}: {k}.5\n" for k in range(40_500))

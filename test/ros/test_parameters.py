@@ -29,6 +29,7 @@ def tracking(tmp_path, probe, start):
     )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
+    probe.drive_until(publisher, 0.0, lambda: heard, "a voltage")
     probe.drive(publisher, lambda t: 1e-6 * np.sin(9.0 * t), 0.3)
     return node, heard, publisher, file
 

@@ -26,6 +26,7 @@ def volts(heard) -> np.ndarray:
 
 def held_at(probe, node, heard, publisher, target_m: float) -> float:
     """Follow a target until the voltage has come to it; return that voltage."""
+    probe.drive_until(publisher, target_m, lambda: heard, "a voltage")
     probe.drive(publisher, lambda t: target_m, 0.3)
     probe.until(lambda: len(heard) > 20 and np.ptp(volts(heard[-10:])) < 1e-3, "the voltage at rest")
     return heard[-1][1].data
