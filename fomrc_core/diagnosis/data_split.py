@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.untaught import BeyondLearned, untaught_directions, untaught_plays, without
+from fomrc_core.diagnosis.untaught import BeyondLearned, untaught_directions, untaught_plays
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred
+from fomrc_core.fitting.linear_part import Tangent, centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.drive import (
@@ -51,10 +51,10 @@ class HeldOut:
             left_um: measured minus predicted, offset removed [um], shape (n_samples,).
         """
         directions = self.directions(trial)
-        return left_um if directions is None else without(directions, left_um, self.record.is_used)
+        return left_um if directions is None else directions.remove((self.record,), (left_um,))[0]
 
-    def directions(self, trial: TrialModel) -> Array | None:
-        """Return what nobody taught a model, orthonormal over the scored samples; None where it was taught all."""
+    def directions(self, trial: TrialModel) -> Tangent | None:
+        """Return what nobody taught a model; None where it was taught all."""
         if not self.untaught_v.size:
             return None
         return untaught_directions(trial, self.record, self.index, self.untaught_v)

@@ -17,7 +17,6 @@ from fomrc_core.compute.least_squares import normal_equations, product, whitenin
 from fomrc_core.compute.pulse import beat
 from fomrc_core.diagnosis.data_split import HeldOut
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.untaught import without
 from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
@@ -26,7 +25,7 @@ from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import effect_directions
-from fomrc_core.fitting.linear_part import centred, record_columns, squared_error, tangent
+from fomrc_core.fitting.linear_part import Tangent, centred, record_columns, squared_error, tangent
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
@@ -74,7 +73,7 @@ class HeldView:
         columns: directions in which the model can move [um], offset removed, those of the linear part and of each
             parameter of its effects, shape (n_samples, n_directions); zero for what belongs to other records.
         residual_um: measured minus predicted, offset and what nothing taught the model removed [um], (n_samples,).
-        untaught: directions of what nothing taught the model, orthonormal, (n_samples, n); None where there are none.
+        untaught: directions of what nothing taught the model; None where there are none.
     """
 
     record: FitRecord
@@ -82,7 +81,7 @@ class HeldView:
     predicted_um: Array
     columns: Array
     residual_um: Array
-    untaught: Array | None
+    untaught: Tangent | None
 
     @classmethod
     def of(cls, model: TrialModel, part: HeldOut) -> HeldView:
@@ -99,7 +98,7 @@ class HeldView:
         residual_um = centred(record.measured_um - predict(model, record, index), record.is_used)
         untaught = part.directions(model)
         if untaught is not None:
-            residual_um = without(untaught, residual_um, record.is_used)
+            (residual_um,) = untaught.remove((record,), (residual_um,))
         return cls(record, index, predict(model, record, index, is_coarse=True), columns, residual_um, untaught)
 
     def evidence(self) -> RecordEvidence:
@@ -117,7 +116,7 @@ class HeldView:
             return 0.0
         shape = shape - self.columns @ coefficients
         if self.untaught is not None:
-            shape = without(self.untaught, shape, self.record.is_used)
+            (shape,) = self.untaught.remove((self.record,), (shape,))
         shape = shape[self.record.is_used]
         power, moment = float(np.dot(shape, shape)), float(np.dot(shape, self.residual_um[self.record.is_used]))
         if not power > 0.0 or not (takes_either_sign or moment > 0.0):

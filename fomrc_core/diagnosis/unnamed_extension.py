@@ -177,7 +177,7 @@ def _rows(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]
         columns = centred(columns, every)
         untaught = part.directions(model)
         if untaught is not None:
-            beyond = np.linalg.qr(centred(untaught[at], every))[0]
+            beyond = np.linalg.qr(centred((untaught.columns[0] @ untaught.whitening)[at], every))[0]
             columns, target = columns - beyond @ (beyond.T @ columns), target - beyond @ (beyond.T @ target)
         found.append((columns, target))
     return found

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.compute.least_squares import gram_of, product, whitening_of
+from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.least_squares import gram_of, whitening_of
 from fomrc_core.fitting.base_fit import widest_play_v
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred, record_columns
+from fomrc_core.fitting.linear_part import Tangent, centred, record_columns
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 
@@ -70,8 +70,8 @@ def untaught_plays(learned: tuple[FitRecord, ...], record: FitRecord) -> Array:
     return np.linspace(taught_v, reached_v, n + 1)[:-1]
 
 
-def untaught_directions(trial: TrialModel, record: FitRecord, index: int, plays_v: Array) -> Array:
-    """Return what plays that were not learned can do in a record, orthonormal over its used samples, (n_samples, rank).
+def untaught_directions(trial: TrialModel, record: FitRecord, index: int, plays_v: Array) -> Tangent:
+    """Return what plays that were not learned can do in a record.
 
     Args:
         trial: the model, whose creep and causes the plays go through.
@@ -82,12 +82,7 @@ def untaught_directions(trial: TrialModel, record: FitRecord, index: int, plays_
     only = ColumnKinds.plays(plays_v)
     beyond = replace(trial, columns=only, weights=np.zeros(plays_v.size))
     columns = centred(record_columns(beyond, record, index, trial), record.is_used)
-    return np.asarray(columns @ whitening_of(gram_of(((columns, record.is_used),))))
-
-
-def without(directions: Array, values_um: Array, is_used: Mask) -> Array:
-    """Return values [um], shape (n_samples,), less what orthonormal directions explain of the used ones."""
-    return np.asarray(values_um - directions @ product(directions, values_um, is_used))
+    return Tangent((columns,), whitening_of(gram_of(((columns, record.is_used),))))
 
 
 def with_untaught(trial: TrialModel, plays_v: Array) -> TrialModel:

@@ -26,6 +26,7 @@ _LARGEST_SHARE = 0.02  # of the drive's range: more is a drive and no noise of i
 _MOST_LAGS = 16  # samples in which the displacement may follow
 _SURE = 0.01  # of the hypothesis that the displacement shows nothing of it
 _N_MOVED = 400
+_MEDIAN_TO_RMS = 1.4826  # of normal numbers
 _FAR = 4.0  # times the noise: what is larger is none
 _EVEN = 0.01  # of a step: where the clock is less even there is no one window
 _HALF_WIDTHS = (4, 8, 16, 32)  # of the windows [samples]
@@ -54,7 +55,7 @@ def drive_noise_v(time_s: Array, voltage_v: Array, displacement_um: Array) -> fl
     is_felt = noise_v * range_um > _FELT * _size(displacement_um, _ORDERS[0]) * range_v
     if not (is_white and is_felt and noise_v < _LARGEST_SHARE * range_v):
         return 0.0
-    return 0.0 if _is_followed(voltage_v, displacement_um) else noise_v
+    return 0.0 if _is_followed(voltage_v, displacement_um, noise_v) else noise_v
 
 
 def smoothed_drive_v(voltage_v: Array, noise_v: float) -> Array:
@@ -77,28 +78,31 @@ def smoothed_drive_v(voltage_v: Array, noise_v: float) -> Array:
 def _size(values: Array, order: int) -> float:
     """Return the rms of white noise whose differences of an order are as large as half of these are."""
     differences = np.diff(values, order)
-    return 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(math.comb(2 * order, order))
+    return _MEDIAN_TO_RMS * float(np.median(np.abs(differences))) / math.sqrt(math.comb(2 * order, order))
 
 
-def _is_followed(voltage_v: Array, displacement_um: Array) -> bool:
-    """Return whether the quick changes of the displacement follow those of the drive, at once or some samples later.
+def _is_followed(voltage_v: Array, displacement_um: Array, noise_v: float) -> bool:
+    """Return whether the displacement follows the noise of the drive, at once or some samples later.
 
-    What the last changes of the drive explain of those of the displacement is compared with what they explain of it
-    moved by many samples, end to end: of that they can explain only what chance does.
+    What the last samples of the noise explain of the quick part of the displacement is compared with what they explain
+    of it moved by many samples, end to end: of that they can explain only what chance does.
     """
-    quick_v, quick_um = (_quick(values) for values in (voltage_v, displacement_um))
-    n = quick_v.size
-    spectrum_v = rfft(quick_v)
-    own = irfft(np.abs(spectrum_v) ** 2, n)[: _MOST_LAGS + 1]
-    shared = irfft(rfft(quick_um) * np.conj(spectrum_v), n)
+    noise = _without_outliers(voltage_v - smoothed_drive_v(voltage_v, noise_v))
+    # less a polynomial over twice as many samples as it may be late: of what an amplifier lets through slowly
+    # differences, in which the quickest counts most, show next to nothing
+    width = 2 * _MOST_LAGS + 1
+    quick_um = _without_outliers(displacement_um - savgol_filter(displacement_um, width, _ORDER))
+    n = noise.size
+    spectrum = rfft(noise)
+    own = irfft(np.abs(spectrum) ** 2, n)[: _MOST_LAGS + 1]
+    shared = irfft(rfft(quick_um) * np.conj(spectrum), n)
     moved = np.linspace(2 * _MOST_LAGS, n - 3 * _MOST_LAGS, _N_MOVED).astype(np.int64)
     moments = shared[np.concatenate(([0], moved))[:, None] + np.arange(_MOST_LAGS + 1)]
     explained = np.einsum("ij,ij->i", moments, np.linalg.solve(toeplitz(own), moments.T).T)
     return bool(np.mean(explained[1:] >= explained[0]) < _SURE)
 
 
-def _quick(values: Array) -> Array:
-    """Return the fourth differences without those that are no noise: of steps and corners."""
-    differences = np.diff(values, _ORDERS[0])
-    largest = _FAR * 1.4826 * float(np.median(np.abs(differences)))
-    return np.asarray(np.where(np.abs(differences) <= largest, differences, 0.0))
+def _without_outliers(values: Array) -> Array:
+    """Return values without those that are no noise, as beside steps and corners."""
+    largest = _FAR * _MEDIAN_TO_RMS * float(np.median(np.abs(values)))
+    return np.asarray(np.where(np.abs(values) <= largest, values, 0.0))
