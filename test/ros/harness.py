@@ -289,6 +289,14 @@ class Probe:
     def state(self, node: str) -> str:
         return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
 
+    def until_active(self, node: NodeUnderTest) -> None:
+        """Wait for a compensator that starts by itself: what is sent before is lost."""
+        deadline = time.monotonic() + PATIENCE_S
+        while (state := self.state(node.name)) != "active":
+            if time.monotonic() > deadline:
+                raise AssertionError(f"not active within {PATIENCE_S:g} s but {state}\n{what_became_of_them()}")
+            self.spin_for(0.02)
+
     def transition(self, node: str, label: str) -> bool:
         request = ChangeState.Request()
         request.transition.label = label

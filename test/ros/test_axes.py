@@ -65,13 +65,13 @@ def test_a_model_of_other_axes_is_refused_in_a_line(tmp_path, start):
 
 def test_second_axis_is_compensated_where_the_model_has_it(tmp_path, probe, start):
     leaky = MODEL | {"effects": ["cross_axis"], "cross_axis": {"gain": 0.1}}
-    start("compensator", model_file(tmp_path / "leaky.yaml", leaky), rate_hz=200.0)
+    node = start("compensator", model_file(tmp_path / "leaky.yaml", leaky), rate_hz=200.0)
     heard = probe.record("voltage")
     publisher, cross = probe.publisher("desired_position"), probe.publisher("cross_position")
+    probe.until_active(node)
     probe.drive(cross, lambda t: 10e-6, 0.3)
-    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    probe.drive_until(publisher, 1e-6, lambda: len(heard) > 20, "voltages")
     # 0.1 of the other axis's 10 um is already there: nothing is left to do.
     assert abs(heard[-1][1].data) < 1e-9
     probe.drive(cross, lambda t: 0.0, 0.3)
-    probe.drive(publisher, lambda t: 1e-6, 0.5)
-    assert heard[-1][1].data > 0.3
+    probe.drive_until(publisher, 1e-6, lambda: heard[-1][1].data > 0.3, "the stage's own way to the target")

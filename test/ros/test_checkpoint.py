@@ -28,10 +28,12 @@ def test_killed_and_restarted_it_goes_on_where_it_would_have_been(tmp_path, prob
     model = MODEL | {"effects": list(DYNAMICS)} | DYNAMICS if has_preview else MODEL
     file = model_file(tmp_path / "model.yaml", model, stop_policy="hold")
     options = {"rate_hz": 1.0 / PERIOD_S, "checkpoint_period_s": 0.2, "preview_s": 0.03 if has_preview else 0.0}
-    start("compensator", file, namespace="/steady", **options)
+    steady = start("compensator", file, namespace="/steady", **options)
     killed = start("compensator", file, namespace="/killed", checkpoint_file=tmp_path / "memory", **options)
     heard = {axis: probe.record(f"{axis}/voltage") for axis in ("/steady", "/killed")}
     publishers = [probe.publisher(f"{axis}/desired_position") for axis in ("/steady", "/killed")]
+    for node in (steady, killed):
+        probe.until_active(node)
     probe.drive(Both(publishers), lambda t: 1e-6 * math.sin(3.0 * t), 1.0 + generator.random())
     held = 0.5e-6 * generator.random()
     probe.drive(Both(publishers), lambda t: held, 0.1 + 0.4 * generator.random())
@@ -92,7 +94,9 @@ def test_damaged_memory_is_refused_and_relaxation_proposed(tmp_path, probe, star
     options = {"rate_hz": 500.0, "checkpoint_file": checkpoint, "checkpoint_period_s": 3600.0}
     node = start("compensator", file, **options)
     publisher = probe.publisher("desired_position")
-    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    probe.until_active(node)
+    probe.drive_until(publisher, 1e-6, lambda: any(tmp_path.glob("memory.journal.*")), "a journal")
+    probe.drive(publisher, lambda t: 1e-6, 0.3)
     node.process.kill()
     node.process.wait()
     target = checkpoint if damage == "snapshot" else next(tmp_path.glob("memory.journal.*"))
@@ -105,5 +109,4 @@ def test_damaged_memory_is_refused_and_relaxation_proposed(tmp_path, probe, star
     assert "damaged" in node.output()
     assert (tmp_path / "memory.damaged").exists()
     heard = probe.record("voltage")
-    probe.drive(publisher, lambda t: 1e-6, 0.3)
-    probe.until(lambda: heard, "voltage after the refusal")
+    probe.drive_until(publisher, 1e-6, lambda: heard, "voltage after the refusal")

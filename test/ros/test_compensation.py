@@ -29,6 +29,7 @@ def test_voltage_is_the_models_and_goes_on_at_rest(tmp_path, probe, start):
     )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
+    probe.until_active(node)
     probe.drive(publisher, swing, 1.5)
     probe.until(lambda: len(heard) > 100, "voltages")
     n_moving = len(heard)
@@ -59,11 +60,12 @@ def first_target(checkpoint) -> float:
 
 def test_stage_follows_over_joint_states(tmp_path, probe, start):
     file = model_file(tmp_path / "model.yaml", interface="joint_state", joint_name="z_axis")
-    start("compensator", file)
+    node = start("compensator", file)
     start("simulated_pea", file, plant="fomrc", noise_rms_m=0.0)
     seen = probe.record("displacement", JointState)
     publisher = probe.publisher("desired_position", JointState)
     probe.until(lambda: seen, "displacement")
+    probe.until_active(node)
     levels_m = 1e-6 * np.array([0.0, 0.9, 0.3, -0.6, -0.2, 0.7])
     reached_m = []
     for level in levels_m:
@@ -158,12 +160,10 @@ def test_stale_target_ramps_to_the_safe_voltage(tmp_path, probe, start):
     )
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
-    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    probe.drive_until(publisher, 1e-6, lambda: heard and heard[-1][1].data > 0.4, "the target followed")
     tracking = heard[-1][1].data
-    assert tracking > 0.4
     probe.until(lambda: heard[-1][1].data == 0.2, "safe voltage")
     probe.until(lambda: probe.levels.get(node.name) == DiagnosticStatus.WARN, "warning")
     probe.until(lambda: probe.messages[node.name] == "ramping to the safe voltage", "reason")
     # A target that comes again is followed again.
-    probe.drive(publisher, lambda t: 1e-6, 0.5)
-    assert abs(heard[-1][1].data - tracking) < 0.05
+    probe.drive_until(publisher, 1e-6, lambda: abs(heard[-1][1].data - tracking) < 0.05, "the target followed again")

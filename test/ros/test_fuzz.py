@@ -84,8 +84,7 @@ def test_nothing_that_can_be_sent_takes_a_node_down(tmp_path, probe, start):
     for name, value in good * 2:
         probe.set_one(nodes[0].name, name, value)
     heard.clear()
-    probe.drive(targets, lambda t: 0.3e-6, 0.3)
-    probe.until(lambda: len(heard) > 20, "voltage after all that")
+    probe.drive_until(targets, 0.3e-6, lambda: len(heard) > 20, "voltage after all that")
     assert all(math.isfinite(message.data) for _, message in heard[-10:])
     for node in nodes:
         assert node.stop() == 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 import yaml
@@ -116,9 +114,8 @@ def test_the_node_goes_on_while_it_fits_and_can_be_told_to_stop(tmp_path, probe,
     future = client.call_async(Trigger.Request())
     probe.until(lambda: "progress_percent" in probe.diagnostics.get(node.name, {}), "progress")
     assert not future.done()
-    began = time.monotonic()
     assert probe.get(node.name, "method") == "convex"
-    assert time.monotonic() - began < 1.0
+    assert not future.done(), "answered in the middle of the fit"
     assert "busy" in probe.trigger(f"{node.name}/identify").message
     assert probe.trigger(f"{node.name}/cancel").success
     probe.until(future.done, "the end of the fit")

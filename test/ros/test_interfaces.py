@@ -42,14 +42,15 @@ def test_the_pages_parameters_connect_compensator_and_stage_to_controllers(tmp_p
     given = nodes["/**"]["ros__parameters"]
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": given | {"model": MODEL}}}))
     to_controller = {"voltage": "voltage_controller/commands"}
-    start("compensator", file, remaps=to_controller, rate_hz=200.0)
+    node = start("compensator", file, remaps=to_controller, rate_hz=200.0)
     start("simulated_pea", file, remaps=to_controller | {"displacement": "joint_states"}, plant="fomrc", rate_hz=200.0)
     commands = probe.record("voltage_controller/commands", Float64MultiArray)
     states: list = []
     probe.subscribe(JointState, "joint_states", lambda *seen: states.append(seen), qos_profile_sensor_data)
     probe.until(lambda: states, "the stage")
-    probe.drive(probe.publisher("desired_position", JointState), lambda t: 0.8e-6, 1.0)
-    probe.until(lambda: states[-1][1].position[0] > 0.7e-6, "the stage following")
+    publisher = probe.publisher("desired_position", JointState)
+    probe.until_active(node)
+    probe.drive_until(publisher, 0.8e-6, lambda: states[-1][1].position[0] > 0.7e-6, "the stage following")
     assert len(commands[-1][1].data) == 1
     assert states[-1][1].name == [given["joint_name"]]
 
@@ -57,8 +58,7 @@ def test_the_pages_parameters_connect_compensator_and_stage_to_controllers(tmp_p
 def test_a_voltage_as_an_effort_has_a_stamp(tmp_path, probe, start):
     start("compensator", model_file(tmp_path / "model.yaml"), voltage_interface="joint_state", rate_hz=200.0)
     heard = probe.record("voltage", JointState)
-    probe.drive(probe.publisher("desired_position"), lambda t: 0.5e-6, 0.5)
-    probe.until(lambda: len(heard) > 20, "voltages")
+    probe.drive_until(probe.publisher("desired_position"), 0.5e-6, lambda: len(heard) > 20, "voltages")
     stamps = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for _, m in heard])
     assert np.all(np.diff(stamps) > 0.0)
     assert 0.0 < heard[-1][1].effort[0] < 2.5
@@ -79,8 +79,8 @@ def test_the_drivers_skeleton_goes_to_the_safe_voltage_when_the_compensator_is_k
         given = {"rate_hz": 100.0, "stale_after_s": 0.0, "voltage_promises": True}
         compensator = start("compensator", model_file(tmp_path / "model.yaml"), **given)
         publisher = probe.publisher("desired_position", Float64)
-        probe.drive(publisher, lambda t: 1e-6, 0.5)
-        probe.until(lambda: re.search(r"driving 0\.[3-9]", said.read_text()), "the driver driving")
+        is_driving = lambda: re.search(r"driving 0\.[3-9]", said.read_text())  # noqa: E731
+        probe.drive_until(publisher, 1e-6, is_driving, "the driver driving")
         compensator.process.kill()
         compensator.process.wait()
         killed_s = time.monotonic()

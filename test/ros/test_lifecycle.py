@@ -19,16 +19,17 @@ def test_transitions(tmp_path, probe, start):
     assert probe.state(node.name) == "inactive"
     assert not heard, "inactive means no voltage"
     assert probe.transition(node.name, "activate")
-    probe.drive(publisher, lambda t: 1e-6, 0.3)
-    assert heard[-1][1].data > 0.3
+    heard.clear()
+    probe.drive_until(publisher, 1e-6, lambda: heard and heard[-1][1].data > 0.3, "the target followed")
     assert probe.transition(node.name, "deactivate")
     probe.until(lambda: heard[-1][1].data == 0.0, "safe voltage")
+    probe.spin_for(0.2)  # what is still on its way
     n = len(heard)
     probe.drive(publisher, lambda t: 1e-6, 0.3)
     assert len(heard) == n, "inactive means no voltage"
     assert probe.transition(node.name, "activate")
-    probe.drive(publisher, lambda t: 1e-6, 0.3)
-    assert heard[-1][1].data > 0.3
+    heard.clear()
+    probe.drive_until(publisher, 1e-6, lambda: heard and heard[-1][1].data > 0.3, "the target followed")
     assert probe.transition(node.name, "deactivate")
     assert probe.transition(node.name, "cleanup")
     assert probe.state(node.name) == "unconfigured"
@@ -49,8 +50,7 @@ def test_a_model_can_come_later_and_failures_are_logged(tmp_path, probe, start):
     assert probe.transition(node.name, "configure")
     assert probe.transition(node.name, "activate")
     heard = probe.record("voltage")
-    probe.drive(probe.publisher("desired_position"), lambda t: 1e-6, 0.3)
-    probe.until(lambda: heard, "voltage")
+    probe.drive_until(probe.publisher("desired_position"), 1e-6, lambda: heard, "voltage")
 
 
 def test_relaxation_leaves_a_relaxed_stage(tmp_path, probe, start):
@@ -67,13 +67,11 @@ def test_relaxation_leaves_a_relaxed_stage(tmp_path, probe, start):
     start("simulated_pea", file, plant="fomrc", noise_rms_m=0.0, rate_hz=500.0)
     heard, moved = probe.record("voltage"), probe.record("displacement")
     publisher = probe.publisher("desired_position")
-    probe.until(lambda: moved, "displacement")
-    probe.drive(publisher, lambda t: 1.5e-6, 0.3)
+    probe.drive_until(publisher, 1.5e-6, lambda: moved and moved[-1][1].data > 1.4e-6, "the stage at the target")
     heard.clear()
     answer = probe.trigger(f"{node.name}/relax")
     assert answer.success, answer.message
     voltages = [message.data for _, message in heard]
     assert min(voltages) < -1.5
     assert max(voltages) > 1.5
-    probe.drive(publisher, lambda t: 0.0, 0.3)
-    assert abs(moved[-1][1].data) < 0.02e-6, "zero is zero again"
+    probe.drive_until(publisher, 0.0, lambda: abs(moved[-1][1].data) < 0.02e-6, "zero is zero again")

@@ -71,8 +71,7 @@ def test_row_07_a_checkpoint_beyond_the_limits_is_refused(tmp_path, probe, start
     probe.until(lambda: "beyond the limits" in probe.messages.get(node.name, ""), "the refusal in diagnostics")
     assert "~/relax" in probe.messages[node.name]
     assert (tmp_path / "memory.damaged").exists()
-    probe.drive(probe.publisher("desired_position"), lambda t: 1.8e-6, 0.5)
-    probe.until(lambda: len(heard) > 20, "voltage")
+    probe.drive_until(probe.publisher("desired_position"), 1.8e-6, lambda: len(heard) > 100, "voltage")
     assert np.abs(volts(heard)).max() <= limits.get("maximum_voltage_v", 2.5)
 
 
@@ -151,12 +150,11 @@ def test_row_10_a_target_out_of_reach_is_said_and_by_how_much(tmp_path, probe, s
         "compensator", model_file(tmp_path / "model.yaml"), stale_after_s=0.0, maximum_voltage_v=0.5, **OPTIONS
     )
     publisher = probe.publisher("desired_position")
-    probe.drive(publisher, lambda t: 2e-6, 0.3)
-    probe.until(lambda: "saturated: target out of reach by" in probe.messages.get(node.name, ""), "the warning")
+    said = lambda: probe.messages.get(node.name, "")  # noqa: E731
+    probe.drive_until(publisher, 2e-6, lambda: "saturated: target out of reach by" in said(), "the warning")
     assert probe.levels[node.name] == DiagnosticStatus.WARN
     assert 0.5 < float(probe.diagnostics[node.name]["shortfall_um"]) < 2.0
-    probe.drive(publisher, lambda t: 0.2e-6, 0.3)
-    probe.until(lambda: probe.messages.get(node.name) == "tracking", "the end of the warning")
+    probe.drive_until(publisher, 0.2e-6, lambda: said() == "tracking", "the end of the warning")
 
 
 def test_row_10_the_gap_nodes_say_so_too(tmp_path, probe, start):
