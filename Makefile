@@ -3,8 +3,8 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-# Workers of the test run (see test/conftest.py): one more than processors, for the tests of nodes mostly wait.
-JOBS   ?= $(shell expr $$(nproc) + 1)
+# Workers of the test run (see test/conftest.py): two more than processors, for the tests of nodes mostly wait.
+JOBS   ?= $(shell expr $$(nproc) + 2)
 
 # The ROS wheels restart Python once and mark that in this variable; inherited by the Python of
 # this environment, the mark would keep its own wheels from being found.

@@ -1,9 +1,10 @@
-"""What every test run needs: the same examples each time; tests that talk over ROS last, in a domain of their own."""
+"""What every test run needs: the same examples each time; tests that talk over ROS before all others that compute."""
 
 from __future__ import annotations
 
 import os
 import random
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
+_LAST_IN_LINE = 19  # the weakest claim on a processor there is
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
 # Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed,
 # the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those), what repeats with
@@ -51,10 +53,6 @@ _ALIKE = (
     "test/core/records/test_noisy_drive.py",
     "test/hidden/test_truth.py",
 )
-_MEASURES = (
-    "test/ros/test_watch_node.py::test_a_stage_that_moves_less",
-    "test/ros/test_calibration.py::test_joint_states_and_simulated_time",
-)
 # Files of a minute or two and of many waits, begun first of their kind so that no worker is left alone with one.
 _LONG_FILES = (
     "test/hidden/test_hidden_effects.py",
@@ -64,6 +62,7 @@ _LONG_FILES = (
     "test/core/identification/test_fleet.py",
     "test/core/records/test_noise_model.py",
     "test/core/records/test_noisy_drive.py",
+    "test/ros/test_watch_node.py",
     "test/ros/test_never_garbage.py",
     "test/ros/test_calibration.py",
     "test/ros/test_files_and_parameters.py",
@@ -112,34 +111,55 @@ def _of_many_alike(items: list[pytest.Item]) -> tuple[list[pytest.Item], list[py
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put the long files first and the ROS tests last: several processes at 1 kHz want the processors to themselves.
-
-    Last of all those that measure: by then no other worker has anything left to do.
-    """
+    """Put the long files first of their kind."""
     if len(items) > _MANY:
         items[:], left = _of_many_alike(items)
         config.hook.pytest_deselected(items=left)
     items.sort(key=lambda item: _place(item.nodeid))
 
 
-def _place(nodeid: str) -> tuple[bool, bool, int]:
+def _place(nodeid: str) -> tuple[bool, int]:
     rank = next((k for k, name in enumerate(_LONG_FILES) if nodeid.startswith(name)), len(_LONG_FILES))
-    return nodeid.startswith(_ROS_TESTS), nodeid.startswith(_MEASURES), rank
+    return nodeid.startswith(_ROS_TESTS), rank
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Let whatever computes wait for the nodes of the tests beside it, which mostly wait themselves, at 1 kHz."""
+    if "PYTEST_XDIST_WORKER" in os.environ and not item.nodeid.startswith(_ROS_TESTS):
+        os.nice(_LAST_IN_LINE - os.nice(0))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Spread tests over the workers file by file, the longest one by one.
+    """Spread tests over the workers file by file, the longest one by one; ROS tests over every second worker.
 
-    Nodes of tests that run at the same time are in domains of their own; those that measure come last, in one worker.
+    A worker that has computed is last in line and remains so: it is given no ROS test. Nodes of tests that run at the
+    same time are in domains of their own.
     """
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            if nodeid.startswith(_MEASURES):
-                return _ROS_TESTS
             return nodeid if nodeid.startswith(_ONE_BY_ONE) else nodeid.split("::")[0]
+
+        def _next_scope(self, node: Any) -> str | None:
+            is_ros, others = [], []
+            for scope in self.workqueue:
+                (is_ros if scope.startswith(_ROS_TESTS) else others).append(scope)
+            mine = is_ros or others if node in self._of_ros else others
+            return mine[0] if mine else None
+
+        @cached_property
+        def _of_ros(self) -> list[Any]:
+            return self.nodes[: max(1, len(self.nodes) // 2)]
+
+        def _assign_work_unit(self, node: Any) -> None:
+            scope = self._next_scope(node)
+            if scope is None:
+                node.shutdown()
+                return
+            self.workqueue.move_to_end(scope, last=False)
+            super()._assign_work_unit(node)
 
     # The scheduler would begin with the largest group.
     config.option.loadscopereorder = False

@@ -16,6 +16,7 @@ from fomrc_core.errors import FomrcError
 from fomrc_ros.conversions import PositionInterface
 from fomrc_ros.node.diagnostics import WARN, Report
 from fomrc_ros.node.quality_of_service import LATCHED, MEASUREMENT, overridable
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.parameters.compensator import CompensatorSettings
 
 _SAID_AGAIN_AFTER_S = 5.0
@@ -42,7 +43,7 @@ class MotionTopics:
             math.nan
         )  # the first measurement: nan before the first tick, None once told
         self._told: bool | None = None
-        self._publisher = node.create_publisher(Bool, "~/arrived", LATCHED)
+        self._sender = Sender(node, Bool, "~/arrived", LATCHED)
         if settings.feedback_bandwidth_hz:
             node.create_subscription(
                 interface.message_type,
@@ -110,8 +111,8 @@ class MotionTopics:
         self._motion.after_tick(loop, self._now_s())
         has_arrived = self._motion.arrival is not None and self._motion.arrival.has_arrived
         if self._motion.arrival is not None and has_arrived != self._told:
-            self._told = has_arrived
-            self._publisher.publish(Bool(data=has_arrived))
+            # One that is lost is told again with the next tick.
+            self._told = has_arrived if self._sender.send(Bool(data=has_arrived)) else None
 
     def describe(self, report: Report) -> None:
         """Add what is known of the stage to a report."""

@@ -31,6 +31,7 @@ from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, overridable
 from fomrc_ros.node.runtime import run, steady_clock
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.node.voltage_interface import voltage_interface, voltage_quality
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.compensator import CompensatorSettings, SettingsBuilder, compensator_specs
@@ -71,12 +72,8 @@ class CompensatorNode(LifecycleNode):
         self._interface = position_interface(values["interface"], values["joint_name"])
         # Not a managed publisher: the ramp to the safe voltage goes on where the node is no longer active.
         self._voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
-        self._publisher = self.create_publisher(
-            self._voltage.message_type,
-            "voltage",
-            voltage_quality(self._period_s, values["voltage_promises"]),
-            qos_overriding_options=overridable(),
-        )
+        quality = voltage_quality(self._period_s, values["voltage_promises"])
+        self._sender = Sender(self, self._voltage.message_type, "voltage", quality)
         for topic, callback in (("desired_position", self._on_target), ("cross_position", self._on_cross)):
             self.create_subscription(
                 self._interface.message_type, topic, callback, COMMAND, qos_overriding_options=overridable()
@@ -89,13 +86,13 @@ class CompensatorNode(LifecycleNode):
         self._relaxing = RelaxServices(self, self._drive, lambda: self.settings)
         self._work = WorkerRunner(self)
         ReloadService(self, self.parameters, self._work)
-        LendingServices(self, self._drive, self._publisher.topic_name)
+        LendingServices(self, self._drive, self._sender.topic_name)
         TrajectoryTopic(self, self._drive, values["joint_name"], self._refuse)
         self._motion = MotionTopics(self, self._interface, self.settings, self._period_s)
         # The change of state waits for the ramp that comes before it, and holds nothing else up meanwhile.
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
-        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
+        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe, (self._sender,))
 
     @property
     def settings(self) -> CompensatorSettings:
@@ -328,7 +325,7 @@ class CompensatorNode(LifecycleNode):
         # Whatever has gone wrong before, nothing leaves that is beyond the limits in force.
         if not math.isfinite(voltage_v) or voltage_v != self.settings.loop.limits.clamp(voltage_v):
             raise FomrcError(f"{voltage_v!r} V was about to be published")
-        self._publisher.publish(self._voltage.to_message(voltage_v, self.get_clock().now().to_msg()))
+        self._sender.send(self._voltage.to_message(voltage_v, self.get_clock().now().to_msg()))
         loop = self._drive.loop
         if self._checkpoint is not None and loop is not None:
             is_new, loop.is_discontinuous = loop.is_discontinuous, False
@@ -362,7 +359,7 @@ class CompensatorNode(LifecycleNode):
                 self.parameters.values,
                 self._refusals,
                 self._checkpoint,
-                other_publishers(self, self._publisher.topic_name),
+                other_publishers(self, self._sender.topic_name),
                 not self.get_parameter("use_sim_time").value,
             )
         )

@@ -27,6 +27,7 @@ from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameters import NodeParameters, ParameterSpec
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.parameters.gap import AXES_MODEL_SPEC, AXES_SPEC, GEOMETRY_SPEC, RATE_SPEC, STALE_SPEC
 from fomrc_ros.parameters.names import WITHOUT_EFFECTS
 
@@ -61,7 +62,8 @@ class _GapNode(Node):
         self.n_refused, self.last_refusal = 0, ""
         self._n_refused_before = 0
         self._watch = AxisWatch(self, self.axes)
-        self._diagnostics = DiagnosticsPublisher(self, "gap", self._describe)
+        self.senders: list[Sender] = []
+        self._diagnostics = DiagnosticsPublisher(self, "gap", self._describe, self.senders)
 
     def request_stop(self) -> None:
         """Stop at once."""
@@ -98,10 +100,7 @@ class GapCommand(_GapNode):
     def __init__(self) -> None:
         super().__init__("gap_command", (GEOMETRY_SPEC, AXES_SPEC, AXES_MODEL_SPEC))
         self._inverse = _inverse_of(self.parameters.values["axes_model"])
-        self._axes = [
-            self.create_publisher(Float64, f"{axis}/desired_position", COMMAND, qos_overriding_options=overridable())
-            for axis in self.axes
-        ]
+        self.senders += [Sender(self, Float64, f"{axis}/desired_position", COMMAND) for axis in self.axes]
         self.create_subscription(JointState, "desired_gap", self._on_gap, COMMAND, qos_overriding_options=overridable())
 
     def _on_gap(self, message: JointState) -> None:
@@ -114,8 +113,8 @@ class GapCommand(_GapNode):
         if self._inverse is not None:
             wanted_um = np.array([[m_to_um(position) for position in positions_m]])
             positions_m = np.array([um_to_m(own) for own in self._inverse.decoupled_um(wanted_um)[0]])
-        for publisher, position in zip(self._axes, positions_m, strict=True):
-            publisher.publish(Float64(data=float(position)))
+        for sender, position in zip(self.senders, positions_m, strict=True):
+            sender.send(Float64(data=float(position)))
 
 
 class GapMonitor(_GapNode):
@@ -133,7 +132,7 @@ class GapMonitor(_GapNode):
                 MEASUREMENT,
                 qos_overriding_options=overridable(),
             )
-        self._publisher = self.create_publisher(JointState, "gap", MEASUREMENT, qos_overriding_options=overridable())
+        self.senders.append(Sender(self, JointState, "gap", MEASUREMENT))
         self.create_timer(1.0 / self.parameters.values["rate_hz"], self._tick)
 
     def _listener(self, k: int) -> Callable[[Float64], None]:
@@ -167,7 +166,7 @@ class GapMonitor(_GapNode):
         motions = self.parameters.settings.motions(self._displacements_m)
         message = JointState(name=list(MOTIONS), position=motions.tolist())
         message.header.stamp = self.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        self.senders[0].send(message)
 
 
 def command_main(arguments: list[str] | None = None) -> int:

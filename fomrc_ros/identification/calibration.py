@@ -53,6 +53,10 @@ class Calibration:
         values: its parameters.
         work: does work in a process.
         tell: called where something new is being done.
+
+    Attributes:
+        is_running: whether a calibration runs.
+        sender: publishes the voltages the stage is driven with.
     """
 
     def __init__(self, node: Node, values: Mapping[str, Any], work: WorkerRunner, tell: Callable[[], None]) -> None:
@@ -66,6 +70,7 @@ class Calibration:
         voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
         recorder = StageRecorder(node, interface, voltage)
         self._drive = StageDrive(node, recorder, values["rate_hz"], values["compensator"])
+        self.sender = self._drive.sender
         self._compensator = CompensatorClient(node, values["compensator"])
         self._standstill_looks = self._n_done_before = 0
         node.create_timer(_WATCH_PERIOD_S, self._watch, clock=steady_clock())

@@ -17,8 +17,9 @@ from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.jobs import Jobs
 from fomrc_ros.node.parameter_files import check_kind, check_no_input, confined_path
 from fomrc_ros.node.parameters import NodeParameters
-from fomrc_ros.node.quality_of_service import LATCHED, overridable
+from fomrc_ros.node.quality_of_service import LATCHED
 from fomrc_ros.node.runtime import run
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.node.work import Progress
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.identification import build_settings, identification_specs
@@ -40,11 +41,13 @@ class IdentificationNode(Node):
         self._last_fit: FitAnswer | None = None
         self._work = WorkerRunner(self)
         self._calibration = Calibration(self, self.parameters.values, self._work, lambda: self._diagnostics.publish())
-        self._publisher = self.create_publisher(String, "~/model", LATCHED, qos_overriding_options=overridable())
+        self._sender = Sender(self, String, "~/model", LATCHED)
         work = {"identify": self._identify, "diagnose": self._diagnose, "calibrate": self._calibrate}
         self._jobs = Jobs(self, work, self._progress)
         self.create_service(Trigger, "~/cancel", self._on_cancel)
-        self._diagnostics = DiagnosticsPublisher(self, self.parameters.values["joint_name"], self._describe)
+        self._diagnostics = DiagnosticsPublisher(
+            self, self.parameters.values["joint_name"], self._describe, (self._sender, self._calibration.sender)
+        )
 
     def request_stop(self) -> None:
         """End what runs, bring a stage that is being driven to safety, then end."""
@@ -106,7 +109,7 @@ class IdentificationNode(Node):
     def publish_model(self, answer: FitAnswer) -> None:
         """Publish a model for everyone, late joiners too."""
         self._last_fit = answer
-        self._publisher.publish(String(data=answer.model_text))
+        self._sender.send(String(data=answer.model_text))
 
     @staticmethod
     def summary(answer: FitAnswer, path: str) -> str:

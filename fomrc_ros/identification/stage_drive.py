@@ -14,8 +14,9 @@ from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.errors import FomrcError
 from fomrc_core.records.recording import Recording
 from fomrc_ros.identification.stage_recorder import StageRecorder
-from fomrc_ros.node.quality_of_service import COMMAND, overridable
+from fomrc_ros.node.quality_of_service import COMMAND
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.sender import Sender
 
 # What was asked for is asked for again while nothing else is, so that the lease does not run out.
 _RENEWAL_PERIOD_S = 0.2
@@ -47,9 +48,7 @@ class StageDrive:
         self._finished: Future | None = None
         self._grid = TickGrid(self.period_s)
         self._goal = Float64()
-        self._publisher = node.create_publisher(
-            Float64, f"{compensator}/borrowed_voltage", COMMAND, qos_overriding_options=overridable()
-        )
+        self.sender = Sender(node, Float64, f"{compensator}/borrowed_voltage", COMMAND)
         self._timer = node.create_timer(self.period_s, self._tick)
         self._timer.cancel()
         node.create_timer(_RENEWAL_PERIOD_S, self._renew, clock=steady_clock())
@@ -143,7 +142,7 @@ class StageDrive:
         else:
             self._goal.data = self._plan[self.n_done]
             self.n_done += 1
-            self._publisher.publish(self._goal)
+            self.sender.send(self._goal)
 
     def _note_astray(self, step_s: float, limits: VoltageLimits) -> None:
         # A twentieth of the range, or what the slew limit may leave behind in the time of a long gap.
@@ -154,7 +153,7 @@ class StageDrive:
     def _renew(self) -> None:
         self._recorder.take()
         if self.is_borrowing:
-            self._publisher.publish(self._goal)
+            self.sender.send(self._goal)
 
     def _end(self, reason: str) -> None:
         self.is_driving = False

@@ -14,6 +14,7 @@ __all__ = [
     "parameters",
     "quality_of_service",
     "runtime",
+    "sender",
     "voltage_interface",
     "voltage_parameters",
     "work",

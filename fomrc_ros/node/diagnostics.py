@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.sender import Sender
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK,
@@ -42,19 +44,23 @@ class DiagnosticsPublisher:
         node: the node.
         hardware_id: what the node drives; its namespace is put before it, so that each axis has its own.
         describe: makes the report, called once a second.
+        senders: what the node publishes with: what they lose is reported.
     """
 
-    def __init__(self, node: Node, hardware_id: str, describe: Callable[[], Report]) -> None:
-        self._node, self._describe = node, describe
+    def __init__(
+        self, node: Node, hardware_id: str, describe: Callable[[], Report], senders: Sequence[Sender] = ()
+    ) -> None:
+        self._node, self._describe, self._senders = node, describe, senders
         self._hardware_id = "/".join(filter(None, (node.get_namespace().strip("/"), hardware_id)))
         self._node_time_ns = node.get_clock().now().nanoseconds
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._sender = Sender(node, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         node.create_timer(PERIOD_S, self.publish, clock=steady_clock())
 
     def publish(self) -> None:
         """Publish the report now."""
         report = self._describe()
         self._look_at_clock(report)
+        self._look_at_senders(report)
         status = DiagnosticStatus(
             level=report.level,
             name=self._node.get_fully_qualified_name().lstrip("/"),
@@ -64,7 +70,14 @@ class DiagnosticsPublisher:
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        self._sender.send(message)
+
+    def _look_at_senders(self, report: Report) -> None:
+        for sender in self._senders:
+            if sender.n_lost:
+                report.values[f"lost{sender.topic_name.replace('/', '_')}_messages"] = sender.n_lost
+            if n_new := sender.lost_since_asked():
+                report.worsen(WARN, f"{n_new} messages of {sender.topic_name} not sent")
 
     def _look_at_clock(self, report: Report) -> None:
         before_ns, self._node_time_ns = self._node_time_ns, self._node.get_clock().now().nanoseconds

@@ -10,8 +10,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from fomrc_core.errors import FomrcError
-from fomrc_ros.node.quality_of_service import LATCHED, overridable
+from fomrc_ros.node.quality_of_service import LATCHED
 from fomrc_ros.node.runtime import steady_clock
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.node.work import Progress
 
 _LOOK_PERIOD_S = 0.2
@@ -41,7 +42,7 @@ class Jobs:
         self.activity, self.last, self.is_last_good = "", "nothing yet", True
         self._number = 0
         self._said = ""
-        self._publisher = node.create_publisher(String, "~/status", LATCHED, qos_overriding_options=overridable())
+        self._sender = Sender(node, String, "~/status", LATCHED)
         for name, job in jobs.items():
             node.create_service(Trigger, f"~/{name}", self._serving(name, job))
             node.create_service(Trigger, f"~/start_{name}", self._starting(name, job))
@@ -102,4 +103,4 @@ class Jobs:
         )
         if said != self._said:
             self._said = said
-            self._publisher.publish(String(data=said))
+            self._sender.send(String(data=said))

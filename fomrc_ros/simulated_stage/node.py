@@ -24,6 +24,7 @@ from fomrc_ros.node.model_parameters import model_from_values
 from fomrc_ros.node.parameters import NodeParameters
 from fomrc_ros.node.quality_of_service import COMMAND, MEASUREMENT, overridable
 from fomrc_ros.node.runtime import run
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.parameters.names import WITH_EFFECTS
 from fomrc_ros.parameters.simulated_stage import SPECS
@@ -74,14 +75,12 @@ class SimulatedPea(Node):
         period_s = 1.0 / values["rate_hz"]
         self._grid = TickGrid(period_s)
         self._timing = LoopTiming(period_s)
-        self._publisher = self.create_publisher(
-            self._interface.message_type, "displacement", MEASUREMENT, qos_overriding_options=overridable()
-        )
+        self._sender = Sender(self, self._interface.message_type, "displacement", MEASUREMENT)
         self._voltage = voltage_interface(values["voltage_interface"], values["joint_name"])
         self._inbox = Inbox(self)
         self._voltages = self._inbox.subscription(self._voltage.message_type, "voltage", self._voltage_quality())
         self.create_timer(period_s, self._tick)
-        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
+        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe, (self._sender,))
 
     def request_stop(self) -> None:
         """Stop at once: a simulated stage has nothing to bring to safety."""
@@ -160,7 +159,7 @@ class SimulatedPea(Node):
         if settings.quantization_um:
             seen_um = settings.quantization_um * round(seen_um / settings.quantization_um)
         self._displacement_um = seen_um
-        self._publisher.publish(self._interface.to_message(seen_um, now.to_msg()))
+        self._sender.send(self._interface.to_message(seen_um, now.to_msg()))
         self._timing.end(began)
 
     def _describe(self) -> Report:

@@ -24,8 +24,9 @@ from fomrc_ros.identification.stage_recorder import StageRecorder
 from fomrc_ros.node.diagnostics import WARN, DiagnosticsPublisher, Report
 from fomrc_ros.node.parameter_files import confined_path
 from fomrc_ros.node.parameters import NodeParameters
-from fomrc_ros.node.quality_of_service import LATCHED, overridable
+from fomrc_ros.node.quality_of_service import LATCHED
 from fomrc_ros.node.runtime import run, steady_clock
+from fomrc_ros.node.sender import Sender
 from fomrc_ros.node.voltage_interface import voltage_interface
 from fomrc_ros.node.worker_process import WorkerRunner
 from fomrc_ros.parameters.names import WITH_EFFECTS
@@ -69,13 +70,13 @@ class WatchNode(Node):
         self._is_asking = False
         self._cases: list[Case] = []
         self._work = WorkerRunner(self)
-        self._publisher = self.create_publisher(String, "~/changes", LATCHED, qos_overriding_options=overridable())
+        self._sender = Sender(self, String, "~/changes", LATCHED)
         self.create_service(Trigger, "~/acknowledge", self._on_acknowledge)
         self.parameters.watch()
         self._apply(self.parameters.settings)
         self.create_timer(_TAKE_PERIOD_S, self._take, clock=steady_clock())
         self.create_timer(_MODEL_PERIOD_S, self._ask_for_model, clock=steady_clock())
-        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe)
+        self._diagnostics = DiagnosticsPublisher(self, values["joint_name"], self._describe, (self._sender,))
         self._publish()
 
     def request_stop(self) -> None:
@@ -226,7 +227,7 @@ class WatchNode(Node):
         return response
 
     def _publish(self) -> None:
-        self._publisher.publish(String(data=json.dumps({"changes": self._changes}, allow_nan=False)))
+        self._sender.send(String(data=json.dumps({"changes": self._changes}, allow_nan=False)))
 
     def _describe(self) -> Report:
         state = self._watch.state.value if self._watch is not None else WatchState.STARTING.value
