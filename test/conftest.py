@@ -12,7 +12,6 @@ import pytest
 from hypothesis import settings
 
 _ROS_TESTS = "test/ros/"
-_LAST_IN_LINE = 19  # the weakest claim on a processor there is
 _MANY = 1000  # tests of a whole run: whoever asks for some gets all cases of them
 # Minutes in all: every experiment of the paper, the models of others, the steps of a truth's physics, a second seed,
 # the spread of errors over many draws, a hundred periods (benchmarks.fast_scans prints those), what repeats with
@@ -53,6 +52,8 @@ _ALIKE = (
     "test/core/records/test_noisy_drive.py",
     "test/hidden/test_truth.py",
 )
+# Last of those of ROS, when no other worker has any left: it learns how a stage is on a machine that is not held up.
+_LEARNS = "test/ros/test_watch_node.py"
 # Files of a minute or two and of many waits, begun first of their kind so that no worker is left alone with one.
 _LONG_FILES = (
     "test/hidden/test_hidden_effects.py",
@@ -62,7 +63,6 @@ _LONG_FILES = (
     "test/core/identification/test_fleet.py",
     "test/core/records/test_noise_model.py",
     "test/core/records/test_noisy_drive.py",
-    "test/ros/test_watch_node.py",
     "test/ros/test_never_garbage.py",
     "test/ros/test_calibration.py",
     "test/ros/test_files_and_parameters.py",
@@ -118,15 +118,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: _place(item.nodeid))
 
 
-def _place(nodeid: str) -> tuple[bool, int]:
+def _place(nodeid: str) -> tuple[bool, bool, int]:
     rank = next((k for k, name in enumerate(_LONG_FILES) if nodeid.startswith(name)), len(_LONG_FILES))
-    return nodeid.startswith(_ROS_TESTS), rank
+    return nodeid.startswith(_ROS_TESTS), nodeid.startswith(_LEARNS), rank
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Let whatever computes wait for the nodes of the tests beside it, which mostly wait themselves, at 1 kHz."""
     if "PYTEST_XDIST_WORKER" in os.environ and not item.nodeid.startswith(_ROS_TESTS):
-        os.nice(_LAST_IN_LINE - os.nice(0))
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -48,11 +48,12 @@ def spoilt(tmp_path: Path) -> Iterator:
     """Start stages whose sensor is spoilt."""
     stages: list[ForkedProcess] = []
 
-    def start(kind: str, *options: str) -> None:
+    def start(kind: str, *options: str) -> ForkedProcess:
         script = Path(__file__).with_name("spoilt_stage.py")
         output = tmp_path / f"spoilt_stage{len(stages)}.log"
         paths = (script.parent, REPOSITORY / "test" / "core")
         stages.append(server().fork(str(script), [kind, *options], tmp_path, output, *paths))
+        return stages[-1]
 
     yield start
     for stage in stages:
