@@ -77,9 +77,10 @@ _LONG_FILES = (
 _ONE_BY_ONE = ("test/hidden/test_hidden_effects.py", "test/hidden/test_one_sine.py", "test/hidden/second/")
 
 # A test run draws the same examples every time; "make study" draws new ones, with
-# --hypothesis-profile new_examples, and prints how to draw a failing one again.
-settings.register_profile("same_examples", derandomize=True, database=None)
-settings.register_profile("new_examples", print_blob=True)
+# --hypothesis-profile new_examples, and prints how to draw a failing one again. How long one takes says how busy the
+# machine is.
+settings.register_profile("same_examples", derandomize=True, database=None, deadline=None)
+settings.register_profile("new_examples", print_blob=True, deadline=None)
 settings.load_profile("same_examples")
 
 # Set before any ROS context exists: a domain for each worker, so that ROS tests may run beside each other, the first of
