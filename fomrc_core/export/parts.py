@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm
 from fomrc_core.errors import ParameterError
 from fomrc_core.export.options import ExportOptions
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps
+from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, least_parts
 
 _NO_STEP_FORM = "it has no step form"
 # How much shorter than the sample time steps may be, one after the other, for an effect that keeps samples.
@@ -70,8 +72,7 @@ class PartsOfSteps:
     @classmethod
     def of(cls, effects: tuple[Effect, ...], substeps: Substeps) -> PartsOfSteps:
         """Return a division of steps with as many parts at least as effects ask for."""
-        least = max((effect.least_parts(effects) for effect in effects), default=1)
-        return cls(substeps, least if substeps is Substeps.BENDS else 1)
+        return cls(substeps, least_parts(effects, np.zeros(0), substeps))
 
     @property
     def counts(self) -> tuple[int, ...]:

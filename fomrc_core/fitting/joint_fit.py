@@ -1,13 +1,15 @@
 """Joint refit of effects and linear part: Gauss-Newton in the effects, the linear part projected out.
 
 The residual is always that of the exact chain. Directions of the linear part are taken once per refit (they change
-little), those of the effects by differences, so an iteration costs one simulation per free parameter.
+little), those of the effects by differences, so an iteration costs one simulation per free parameter: a coarser one
+where the residual's divides the bends. What a direction misses of itself a fit that has come to rest misses of its
+standard error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -100,8 +102,7 @@ def _directions(
     free: tuple[FreeParameter, ...],
     coordinates: Array,
     records: tuple[FitRecord, ...],
-    base: tuple[Array, ...],
-    passages: tuple[Passage, ...],
+    runs: Sequence[tuple[Array, Passage]],
     executor: Executor | None = None,
 ) -> tuple[Array, ...]:
     # Many arguments: a model, where it stands in what it moves, and what it gives there.
@@ -121,8 +122,8 @@ def _directions(
             try:
                 other = parameter.set(chain, parameter.value(float(coordinates[k] + step)))
                 changes = {
-                    i: predict_passing(other, record, i, before=Before(passages[i], since))[0] - base[i]
-                    for i, record in enumerate(records)
+                    i: predict_passing(other, record, i, is_coarse=True, before=Before(passage, since))[0] - base
+                    for i, (record, (base, passage)) in enumerate(zip(records, runs, strict=True))
                     if parameter.index in (None, i)
                 }
             except ParameterError:
@@ -155,9 +156,11 @@ def effect_directions(
         records: the records.
     """
     coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
-    runs = [predict_passing(trial, record, i) for i, record in enumerate(records)]
-    base, passages = tuple(values for values, _ in runs), tuple(passage for _, passage in runs)
-    return _directions(trial, free, coordinates, records, base, passages)
+    return _directions(trial, free, coordinates, records, _coarse_runs(trial, records))
+
+
+def _coarse_runs(trial: TrialModel, records: tuple[FitRecord, ...]) -> list[tuple[Array, Passage]]:
+    return [predict_passing(trial, record, i, is_coarse=True) for i, record in enumerate(records)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +171,6 @@ class _Point:
         chain: the model there.
         coordinates: of its free parameters, shape (n_free,).
         residuals_um: measured minus predicted, per record.
-        passages: what the stages of its chain handed on, per record.
         squared_error: their sum of squares [um^2].
         space: directions of the linear part, taken there or at a former point.
         is_space_old: whether they were taken at a former point.
@@ -177,7 +179,6 @@ class _Point:
     chain: TrialModel
     coordinates: Array
     residuals_um: tuple[Array, ...]
-    passages: tuple[Passage, ...]
     squared_error: float
     space: Tangent
     is_space_old: bool
@@ -224,15 +225,12 @@ def refit(
 
     def point_at(trial: TrialModel, directions: Tangent, is_old: bool) -> _Point:
         coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
-        runs = [predict_passing(trial, record, i) for i, record in enumerate(records)]
-        left = tuple(centred(r.measured_um - values, r.is_used) for r, (values, _) in zip(records, runs, strict=True))
-        passages = tuple(passage for _, passage in runs)
-        return _Point(trial, coordinates, left, passages, squared_error(records, left), directions, is_old)
+        left = residuals(trial, records)
+        return _Point(trial, coordinates, left, squared_error(records, left), directions, is_old)
 
     def linearize(point: _Point) -> _Linearized:
-        # the offset is taken out of every direction, so the residual stands for the prediction
-        base = tuple(r.measured_um - v for r, v in zip(records, point.residuals_um, strict=True))
-        raw = _directions(point.chain, free, point.coordinates, records, base, point.passages, executor)
+        runs = _coarse_runs(point.chain, records) if free else []
+        raw = _directions(point.chain, free, point.coordinates, records, runs, executor)
         projected = _removed(point.space, records, raw)
         clear = point.space.remove(records, point.residuals_um)
         equations = normal_equations((d, s, r.is_used) for d, s, r in zip(projected, clear, records, strict=True))

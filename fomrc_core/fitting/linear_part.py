@@ -68,8 +68,13 @@ def residuals(trial: TrialModel, records: tuple[FitRecord, ...]) -> tuple[Array,
 
 
 def squared_error(records: tuple[FitRecord, ...], signals: tuple[Array, ...]) -> float:
-    """Return the sum of squares over the used samples [um^2]."""
-    return float(sum(np.dot(s[r.is_used], s[r.is_used]) for r, s in zip(records, signals, strict=True)))
+    """Return the sum of squares over the used samples [um^2], at least that of the rounding of what was measured."""
+    sums, rounding = 0.0, 0.0
+    for record, signal in zip(records, signals, strict=True):
+        used = signal[record.is_used]
+        sums += float(np.dot(used, used))
+        rounding += used.size * float(np.spacing(np.max(np.abs(record.measured_um)))) ** 2
+    return max(sums, rounding)
 
 
 def record_columns(trial: TrialModel, record: FitRecord, index: int, about: TrialModel | None = None) -> Array:

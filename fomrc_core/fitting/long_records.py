@@ -213,7 +213,7 @@ def _mean_parts(recordings: Sequence[Recording]) -> float:
     parts = 0
     for recording in recordings:
         change_v = np.diff(recording.voltage_v, prepend=recording.voltage_v[:1])
-        parts += int(np.sum(parts_of_steps(change_v, 0.5 * float(np.ptp(recording.voltage_v)), (), Substeps.BENDS)[0]))
+        parts += int(np.sum(parts_of_steps(change_v, 0.5 * float(np.ptp(recording.voltage_v)), 1, Substeps.BENDS)[0]))
     return parts / sum(r.n_samples for r in recordings)
 
 

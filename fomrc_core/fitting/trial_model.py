@@ -206,7 +206,7 @@ def predict(trial: TrialModel, record: FitRecord, index: int, is_coarse: bool = 
         trial: the model.
         record: the record.
         index: which record it is, for what belongs to it.
-        is_coarse: divide jumps only, where the record's steps are divided at all.
+        is_coarse: divide steps as for directions of a fit, where the record's bends are divided.
     """
     return predict_passing(trial, record, index, is_coarse)[0]
 
@@ -224,7 +224,7 @@ def predict_passing(
         trial: the model.
         record: the record.
         index: which record it is, for what belongs to it.
-        is_coarse: divide jumps only, where the record's steps are divided at all.
+        is_coarse: divide steps as for directions of a fit, where the record's bends are divided.
         before: the run of another model over the same record to go on from; None where there is none.
     """
     beat("simulations")
@@ -239,7 +239,7 @@ def predict_passing(
         at_creep,
         effects,
         ElementDrive(record.steps_s, record.voltage_v, None),
-        substeps=Substeps.JUMPS if is_coarser else record.substeps,
+        substeps=Substeps.DIRECTIONS if is_coarser else record.substeps,
         covariates=record.covariates,
         before=before,
     )

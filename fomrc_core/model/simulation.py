@@ -16,7 +16,7 @@ from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
 from fomrc_core.model.kernels import forward, forward_beside, forward_widened
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import Substeps, held_parts, parts_of_steps, subdivide
+from fomrc_core.model.substeps import Substeps, held_parts, least_parts, parts_of_steps, subdivide
 from fomrc_core.operators.creep import CreepModes, creep_block
 from fomrc_core.operators.hysteresis import HEADER as PLAYS_HEADER
 from fomrc_core.operators.hysteresis import N_PLAYS, OperatorSum, hysteresis_block
@@ -122,7 +122,8 @@ def drive_at_elements(
         substeps: how steps are divided.
         largest_v: largest threshold [V], where it is not that of the state's plays.
     """
-    divided = _divided(state, effects, ElementDrive(steps_s, drive_v, None), substeps, largest_v)
+    n_least = least_parts(effects, steps_s, substeps)
+    divided = _divided(state, effects, ElementDrive(steps_s, drive_v, None), substeps, n_least, largest_v)
     return _warped(state, effects, _driven(state, effects, divided))
 
 
@@ -131,9 +132,11 @@ def _divided(
     effects: tuple[Effect, ...],
     sampled: ElementDrive,
     substeps: Substeps,
-    largest_v: float | None,
+    n_least: int,
+    largest_v: float | None = None,
 ) -> ElementDrive:
     """Return the drive after the effects at its samples, on the parts of the steps."""
+    # Many arguments: those of drive_at_elements, and into how many parts at least.
     steps_s, drive_v = sampled.steps_s, sampled.voltage_v
     is_held = False
     for effect in of_stage(effects, Stage.SAMPLED_DRIVE):
@@ -146,7 +149,7 @@ def _divided(
         if largest_v is None:
             n_plays = int(state.packed[N_PLAYS])
             largest_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
-        parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, effects, substeps, state.bend)
+        parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, n_least, substeps, state.bend)
         if np.any(parts > 1):
             steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)
             drive_v = held_parts(before_v, drive_v, parts) if is_held else fine_v
@@ -255,14 +258,16 @@ def pass_chain(
         before: the run to go on from; None where there is none.
     """
     # Many arguments: those of run_chain, and the run before.
-    n_least = max((effect.least_parts(effects) for effect in effects), default=1)
+    n_least = least_parts(effects, sampled.steps_s, substeps)
     known, since = (None, Stage.SAMPLED_DRIVE) if before is None else (before.passage, before.since)
+    if known is not None and substeps is Substeps.DIRECTIONS:
+        n_least = known.n_least  # a difference is of what is divided alike
     if known is not None and known.n_least != n_least:
         known = None
     if known is not None and since > Stage.SAMPLED_DRIVE:
         divided = known.divided
     else:
-        divided = _divided(state, effects, sampled, substeps, None)
+        divided = _divided(state, effects, sampled, substeps, n_least)
     driven = known.driven if known is not None and since > Stage.DRIVE else _driven(state, effects, divided)
     if known is not None and since > Stage.HYSTERESIS:
         elements, moved_um = known.elements, known.moved_um

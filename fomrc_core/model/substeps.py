@@ -39,6 +39,7 @@ class Substeps(Enum):
     FEW = "few"  # jumps, in few parts: for directions of a fit
     JUMPS = "jumps"  # jumps alone
     BENDS = "bends"  # every step in which the elements bend, and those after a jump in which creep does
+    DIRECTIONS = "directions"  # for directions of a fit that is measured by bends: jumps, in few parts, and swings
 
 
 MODEL_SUBSTEPS = (Substeps.NONE, Substeps.JUMPS, Substeps.BENDS)  # what a model may have
@@ -73,8 +74,24 @@ def _with_bend_after(size: Array, bend: float, out: Array) -> float:
     return bend
 
 
+def least_parts(effects: tuple[Effect, ...], steps_s: Array, substeps: Substeps) -> int:
+    """Return into how many parts a chain's effects ask for each step to be divided at least.
+
+    Args:
+        effects: of the chain.
+        steps_s: steps of the record [s], shape (n_samples,).
+        substeps: how finely steps are divided.
+    """
+    if substeps is Substeps.BENDS:
+        return max((effect.least_parts(effects) for effect in effects), default=1)
+    if substeps is Substeps.DIRECTIONS:
+        step_s = float(np.mean(steps_s))
+        return max((effect.parts_of_directions(effects, step_s) for effect in effects), default=1)
+    return 1
+
+
 def parts_of_steps(
-    change_v: Array, scale_v: float, effects: tuple[Effect, ...], substeps: Substeps, bend_v: float = 0.0
+    change_v: Array, scale_v: float, n_least: int, substeps: Substeps, bend_v: float = 0.0
 ) -> tuple[NDArray[np.int64], float]:
     """Return into how many equal parts each step is divided, shape (n_samples,), and the bend left for the next [V].
 
@@ -85,7 +102,7 @@ def parts_of_steps(
     Args:
         change_v: change of the drive over each step [V], shape (n_samples,).
         scale_v: largest threshold of the plays [V].
-        effects: effects of the chain, which may ask for more parts.
+        n_least: parts of each step at least, see ``least_parts``.
         substeps: how finely.
         bend_v: bend left over from the steps before [V].
     """
@@ -94,13 +111,12 @@ def parts_of_steps(
         return np.ones(size.size, dtype=np.int64), 0.0
     if substeps is not Substeps.BENDS:
         n_parts = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
-        return np.where(size > LARGE_CHANGE * scale_v, n_parts, 1), 0.0
+        return np.maximum(np.where(size > LARGE_CHANGE * scale_v, n_parts, 1), n_least), 0.0
     bent = np.empty(size.size)
     bend_v = _with_bend_after(size, bend_v, bent)
     parts = np.where(bent > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1)
     parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
-    least = max((effect.least_parts(effects) for effect in effects), default=1)
-    return np.maximum(parts, least), bend_v
+    return np.maximum(parts, n_least), bend_v
 
 
 def subdivide(

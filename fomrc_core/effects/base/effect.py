@@ -164,6 +164,15 @@ class Effect(Cause):
         """
         return 1
 
+    def parts_of_directions(self, effects: tuple[Effect, ...], step_s: float) -> int:
+        """Return the same where a direction of a fit is asked for, of which some per cent may be missed.
+
+        Args:
+            effects: all effects of the chain, this one among them.
+            step_s: a usual step [s].
+        """
+        return self.least_parts(effects)
+
     def step_form(self, shortest_part_s: float) -> StepForm | None:
         """Return the step for a controller, of which C and Python are made; None where there is none.
 

@@ -18,6 +18,7 @@ _FLAT = math.sqrt(0.5)  # damping ratio from which on a response has no peak
 # Of what rings at a third of the sample rate a straight line over a fifth of a sample is 2 % off, over a twentieth
 # 0.1 %.
 _N_PARTS_RINGING = 20
+_TURN_OF_DIRECTIONS = 0.4  # [rad] of a swing in a part: a straight line over it is 2 % off at most
 
 
 @compiled
@@ -35,26 +36,27 @@ def run_second_order(
         out: x, shape (n_samples,).
         rate: x' [1/s], shape (n_samples,); of size 0 where nobody asks.
     """
-    # f linear over the step: the particular solution is a line, the rest decays
+    # f linear over the step: the particular solution is a line, behind by a lag; the rest decays. What a step does to
+    # distance from the input and rate is a matrix, so that each waits for little of the step before.
     position, velocity, before = state[0], state[1], state[2]
-    root = math.sqrt(1.0 - damping * damping)
-    step = -1.0
-    c, s, decay = 1.0, 0.0, 1.0
-    sigma, damped = damping * omega, omega * root
+    sigma, damped = damping * omega, omega * math.sqrt(1.0 - damping * damping)
+    lag_s = 2.0 * damping / omega
+    step, per_s = -1.0, 0.0
+    stays, swings, returns, keeps, slope_moves, slope_drives = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
     for k in range(values.size):
         if steps_s[k] != step:
             step = steps_s[k]
+            per_s = 1.0 / step
             decay = math.exp(-sigma * step)
-            c, s = math.cos(damped * step), math.sin(damped * step)
-        slope = (values[k] - before) / step
-        lag = 2.0 * damping / omega * slope
-        p = position - (before - lag)
-        v = velocity - slope
-        q = (v + sigma * p) / damped
-        new_p = decay * (p * c + q * s)
-        velocity = slope + decay * (-sigma * (p * c + q * s) + damped * (q * c - p * s))
-        position = values[k] - lag + new_p
+            c, s = decay * math.cos(damped * step), decay * math.sin(damped * step) / damped
+            stays, swings, returns, keeps = c + sigma * s, s, -omega * omega * s, c - sigma * s
+            slope_moves = (stays - 1.0) * lag_s - swings
+            slope_drives = returns * lag_s + (1.0 - keeps)
+        distance = position - before
+        slope = (values[k] - before) * per_s
         before = values[k]
+        position = before + (stays * distance + (swings * velocity + slope_moves * slope))
+        velocity = keeps * velocity + (returns * distance + slope_drives * slope)
         out[k] = position
         if rate.size:
             rate[k] = velocity
@@ -101,6 +103,11 @@ class SecondOrder(Effect):
         As many alone as before others, or another would be told for what only the parts gain.
         """
         return 1 if self.is_null() else _N_PARTS_RINGING
+
+    def parts_of_directions(self, effects: tuple[Effect, ...], step_s: float) -> int:
+        """Return as many parts as let it turn by little in each."""
+        n_parts = math.ceil(2.0 * math.pi * self.frequency_hz * step_s / _TURN_OF_DIRECTIONS)
+        return max(1, min(n_parts, self.least_parts(effects)))
 
     def initial_state(self) -> Array:
         """Return (output, its rate [1/s], input) at rest."""

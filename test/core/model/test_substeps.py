@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from fomrc_core.effects import effect_classes
+from fomrc_core.effects import Effect, effect_classes
 from fomrc_core.effects.amplifier_saturation import AmplifierSaturation
 from fomrc_core.effects.amplifier_slew_limit import AmplifierSlewLimit
 from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
@@ -40,26 +40,37 @@ from fomrc_core.effects.unnamed_temperature import UnnamedTemperature
 from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, parts_of_steps, subdivide
+from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, least_parts, parts_of_steps, subdivide
 
 _KAPPA, _SATURATION, _ORDER = [10.0, 25.0, 50.0, 1.3], [0.05, 0.1, 0.04], 0.03
 _RINGING = effect_classes()["mechanical_resonance"](314.0, 0.0157)  # type: ignore[call-arg]
 _LAGGING = effect_classes()["amplifier_bandwidth"](200.0)  # type: ignore[call-arg]
 
 
+def _n_least(effect: Effect, substeps: Substeps = Substeps.BENDS, step_s: float = 1e-3) -> int:
+    return least_parts((effect,), np.full(3, step_s), substeps)
+
+
+def test_for_a_direction_a_swing_is_divided_as_far_as_it_turns() -> None:
+    assert _n_least(_RINGING) > _n_least(_RINGING, Substeps.DIRECTIONS) == 5  # 0.314 of a turn a step
+    assert _n_least(_RINGING, Substeps.DIRECTIONS, 1e-4) == 1
+    assert _n_least(_RINGING, Substeps.DIRECTIONS, 1.0) == _n_least(_RINGING)
+    assert _n_least(_LAGGING, Substeps.DIRECTIONS) == 1
+
+
 def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
     parts, bend = parts_of_steps(
-        np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, (_LAGGING,), Substeps.BENDS
+        np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0, _n_least(_LAGGING), Substeps.BENDS
     )
     assert parts[0] == parts[1] == N_PARTS_LARGE
     assert parts[4] == N_SUBSTEPS
     assert parts[-1] == 1
     assert 0.0 < bend < 1e-3
-    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, (_LAGGING,), Substeps.BENDS)
+    at_rest, bend = parts_of_steps(np.zeros(3), 1.0, _n_least(_LAGGING), Substeps.BENDS)
     assert at_rest.tolist() == [1, 1, 1]
     assert bend == 0.0
     # what rings swings on while the drive rests
-    assert parts_of_steps(np.zeros(3), 1.0, (_RINGING,), Substeps.BENDS)[0].min() > 1
+    assert parts_of_steps(np.zeros(3), 1.0, _n_least(_RINGING), Substeps.BENDS)[0].min() > 1
 
 
 @pytest.mark.parametrize(
@@ -98,12 +109,12 @@ def test_what_rings_while_the_drive_rests_is_followed_by_what_is_behind_it(names
 @given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=30), st.integers(1, 29))
 def test_what_is_divided_does_not_depend_on_where_a_record_is_cut(changes: list[float], cut: int) -> None:
     change = np.array(changes)
-    whole, end = parts_of_steps(change, 1.0, (_RINGING,), Substeps.BENDS)
-    first, bend = parts_of_steps(change[:cut], 1.0, (_RINGING,), Substeps.BENDS)
+    whole, end = parts_of_steps(change, 1.0, _n_least(_RINGING), Substeps.BENDS)
+    first, bend = parts_of_steps(change[:cut], 1.0, _n_least(_RINGING), Substeps.BENDS)
     if cut >= change.size:
         np.testing.assert_array_equal(first, whole)
         return
-    second, bend = parts_of_steps(change[cut:], 1.0, (_RINGING,), Substeps.BENDS, bend)
+    second, bend = parts_of_steps(change[cut:], 1.0, _n_least(_RINGING), Substeps.BENDS, bend)
     np.testing.assert_array_equal(np.concatenate((first, second)), whole)
     assert bend == end
 
