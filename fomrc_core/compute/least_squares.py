@@ -163,6 +163,8 @@ def covariance_of(gram: Array) -> Array:
     """
     power = np.diag(gram)
     moves = power > _STILL * float(np.max(power, initial=0.0))
+    if not np.any(moves):
+        return np.diag(np.full(power.size, np.inf))
     scale = np.sqrt(np.where(moves, power, np.inf))
     values, vectors = np.linalg.eigh(gram / scale[:, None] / scale[None, :])
     inverse = (vectors / np.maximum(values, RANK_TOLERANCE * np.max(values, initial=0.0))) @ vectors.T

@@ -8,6 +8,7 @@ import pytest
 from fomrc_core.compute import least_squares
 from fomrc_core.compute.least_squares import (
     chi_squared,
+    covariance_of,
     non_negative_fit,
     non_negative_weights,
     normal_equations,
@@ -83,6 +84,11 @@ def test_variances_are_those_of_the_inverse_and_large_where_columns_cannot_be_to
     assert variances[[0, 2]] == pytest.approx(variances_of(gram)[[0, 2]], rel=0.02)
     assert np.all(variances[[1, 3]] > 1e6 * variances_of(gram)[1])
     assert variances[4] == np.inf
+
+
+def test_of_columns_that_do_not_move_the_variance_is_without_end() -> None:
+    assert covariance_of(np.diag([4.0, 0.0])).tolist() == [[0.25, 0.0], [0.0, np.inf]]
+    assert covariance_of(np.zeros((2, 2))).tolist() == [[np.inf, 0.0], [0.0, np.inf]]
 
 
 def test_weak_directions_are_left_out_at_the_tolerance_asked_for() -> None:
