@@ -112,6 +112,11 @@ class Diagnosis:
     stand_ins: tuple[Finding, ...] = ()
     beyond_learned: tuple[BeyondLearned, ...] = ()
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why what was named does not explain what the base model missed, in words; empty where it does."""
+        return self.judgement.doubts([finding.probability for finding in self.findings], bool(self.stand_ins))
+
     def __str__(self) -> str:
         return self.summary()
 
@@ -145,7 +150,7 @@ class Diagnosis:
             f"held-out error ({self.quoted_on}): {self.baseline_test_percent:.4g} % -> {self.final_test_percent:.4g} %"
             f" of the range; unexplained {self.unexplained_percent:.3g} %"
         )
-        lines += [f"what is left is not noise: {reason}" for reason in self.judgement.reasons]
+        lines += self.doubts
         if self.unnamed is not None:
             lines.append(str(self.unnamed))
         lines.append(f"next: {self.next_experiment}")

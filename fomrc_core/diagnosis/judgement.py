@@ -77,11 +77,32 @@ class Judgement:
             return Status.NOTHING_FOUND if self.is_noise and not has_stand_ins else Status.UNEXPLAINED
         if is_tied:
             return Status.AMBIGUOUS
-        little_left = self.unexplained_share <= _MOST_UNEXPLAINED
+        is_doubted = not self.is_noise or bool(self.doubts(probabilities, has_stand_ins))
+        return Status.SUSPECT if is_doubted else Status.EXPLAINED
+
+    def doubts(self, probabilities: Sequence[float], has_stand_ins: bool = False) -> tuple[str, ...]:
+        """Return why what was named does not explain what the base missed, in words; empty where it does.
+
+        Args:
+            probabilities: of each cause found, that it is the cause; where there is none only what is left is told.
+            has_stand_ins: whether something stands in for what has no name.
+        """
+        doubts = [f"what is left is not noise: {reason}" for reason in self.reasons]
+        if not probabilities:
+            return tuple(doubts)
+        if self.unexplained_share > _MOST_UNEXPLAINED:
+            left, most = 100.0 * self.unexplained_share, 100.0 * _MOST_UNEXPLAINED
+            doubts.append(f"{left:.0f} % of the power the base missed the data by is left, more than {most:.0f} %")
+        if has_stand_ins:
+            doubts.append("something is followed that has no name")
         # nothing is explained by names of which one may well be wrong, however little they leave
-        is_believed = math.prod(probabilities) >= _LEAST_EXPLAINING
-        is_whole = self.is_noise and little_left and not has_stand_ins
-        return Status.EXPLAINED if is_whole and is_believed else Status.SUSPECT
+        together = math.prod(probabilities)
+        if together < _LEAST_EXPLAINING:
+            names = "the name is" if len(probabilities) == 1 else "the names are all"
+            # rounded down: what is not enough must not read as if it were
+            percent, least = math.floor(100.0 * together), 100.0 * _LEAST_EXPLAINING
+            doubts.append(f"{names} right with a probability of {percent} %, and an explanation asks for {least:.0f} %")
+        return tuple(doubts)
 
 
 def judge(

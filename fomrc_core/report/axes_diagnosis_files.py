@@ -77,6 +77,7 @@ def axes_diagnosis_results(diagnosis: AxesDiagnosis) -> dict[str, Any]:
             for axis in diagnosis.axes
         ],
         "axes_not_asked": list(diagnosis.not_asked),
+        "doubts": list(diagnosis.doubts),
         "unexplained_percent": 100.0 * diagnosis.judgement.unexplained_share,
         "probability_of_unknown": diagnosis.probability_of_unknown,
         "remainder": {"is_noise": diagnosis.judgement.is_noise, "reasons": list(diagnosis.judgement.reasons)},
@@ -196,6 +197,6 @@ def _parameters(parameters: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _remains(diagnosis: AxesDiagnosis) -> Iterator[str]:
     unexplained, unknown = 100.0 * diagnosis.judgement.unexplained_share, 100.0 * diagnosis.probability_of_unknown
     yield f"<p>{unexplained:.3g} % of the power the model left above the floor is still there.</p>"
-    for reason in diagnosis.judgement.reasons:
-        yield f"<p>What is left is not noise: {prose(reason)}.</p>"
+    for doubt in diagnosis.doubts:
+        yield f"<p>Doubt: {prose(doubt)}.</p>"
     yield f"<p>Probability of something that is not in the library: {unknown:.0f} %.</p>"

@@ -89,6 +89,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
     model = diagnosis.extended_model
     results = {
         "status": diagnosis.status.value,
+        "doubts": list(diagnosis.doubts),
         "noise_floor_um": diagnosis.noise_floor_um,
         "baseline": {
             "nrmse_percent_train": diagnosis.baseline_train_percent,

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _VERDICTS = {
     "explained": "Explained: with what was found every record agrees with the model to within 1.5 times the noise.",
-    "suspect": "Suspect: causes are named, but something is left that they do not explain, or one is no likelier than "
-    "another.",
+    "suspect": "Suspect: causes are named, but something is left that they do not explain, or not all of them are "
+    "sure.",
     "ambiguous": "Ambiguous: this data cannot tell some causes from each other.",
     "unexplained": "Unexplained: the simulation is wrong by more than noise, and no known cause explains it.",
     "nothing_found": "Nothing found: hysteresis and creep explain every record to within 1.5 times the noise.",
@@ -87,6 +87,8 @@ def _verdict(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.ambiguous_with:
         others = ", ".join(f"<code>{html.escape(name)}</code>" for name in diagnosis.ambiguous_with)
         yield f"<br>It could as well be {others}."
+    for doubt in diagnosis.doubts:
+        yield f"<br>Doubt: {prose(doubt)}."
     yield f"<br>Next: {prose(diagnosis.next_experiment)}.</div>"
 
 
@@ -174,8 +176,6 @@ def _remains(diagnosis: Diagnosis) -> Iterator[str]:
         )
     else:
         yield f"<p>On {where} the error is {diagnosis.final_test_percent:.3g} % of the range.</p>"
-    for reason in diagnosis.judgement.reasons:
-        yield f"<p>What is left is not noise: {prose(reason)}.</p>"
     yield "<p>Whether what is left follows the drive, on blocks it was not learned from:</p>"
     yield table(
         "What is left, and what it may follow from",

@@ -76,6 +76,14 @@ class AxesDiagnosis:
     extended_model: AxesModel
     records: tuple[AxesRecord, ...]
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why what was named does not explain what the model missed, in words; empty where it does."""
+        of_axes = [axis.diagnosis for axis in self.axes]
+        named = [finding.probability for finding in self.findings]
+        named += [finding.probability for one in of_axes for finding in one.findings]
+        return self.judgement.doubts(named, any(one.stand_ins for one in of_axes))
+
     def __str__(self) -> str:
         lines = [f"status: {self.status.value}; floor {self.percent_floor:.3g} % of the displacements' rms"]
         lines += [str(finding) for finding in self.findings]
@@ -88,7 +96,7 @@ class AxesDiagnosis:
             f"held-out error: {self.percent_before:.4g} % -> {self.percent_after:.4g} % of the displacements' rms; "
             f"unexplained {100.0 * self.judgement.unexplained_share:.3g} %"
         )
-        lines += [f"what is left is not noise: {reason}" for reason in self.judgement.reasons]
+        lines += self.doubts
         lines.append(f"next: {self.next_experiment}")
         return "\n".join(lines)
 

@@ -29,6 +29,22 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
     assert found.status([], False, True) is Status.UNEXPLAINED
 
 
+def test_a_suspect_answer_says_why_it_explains_nothing():
+    found = judge(1.0, True, 5.0, 1.05, 1.1, _NOTHING)
+    assert found.doubts([0.96, 0.95]) == ()
+    (doubt,) = found.doubts([0.95, 0.94])
+    assert "all right with a probability of 89 %" in doubt
+    (doubt,) = found.doubts([0.8999])
+    assert "the name is right with a probability of 89 %, and an explanation asks for 90 %" in doubt
+    (doubt,) = found.doubts([0.95], has_stand_ins=True)
+    assert "no name" in doubt
+    assert found.doubts([]) == ()
+    (doubt,) = judge(1.0, True, 1.3, 1.19, 1.19, _NOTHING).doubts([0.95])
+    assert doubt.startswith("60 % of the power the base missed the data by is left")
+    of_rest = judge(1.0, True, 5.0, 1.3, 1.3, _NOTHING)
+    assert of_rest.doubts([]) == (f"what is left is not noise: {of_rest.reasons[0]}",)
+
+
 @pytest.mark.parametrize(
     ("after_um", "worst_um", "tests", "said"),
     [
