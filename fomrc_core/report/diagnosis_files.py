@@ -89,7 +89,6 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
     model = diagnosis.extended_model
     results = {
         "status": diagnosis.status.value,
-        "doubts": list(diagnosis.doubts),
         "noise_floor_um": diagnosis.noise_floor_um,
         "baseline": {
             "nrmse_percent_train": diagnosis.baseline_train_percent,
@@ -114,6 +113,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "repeats_um": diagnosis.noise.repeats_um,
         },
         "probability_of_unknown": diagnosis.probability_of_unknown,
+        "doubts": list(diagnosis.doubts),
         "remainder": {
             "is_noise": diagnosis.judgement.is_noise,
             "reasons": list(diagnosis.judgement.reasons),

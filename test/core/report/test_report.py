@@ -134,6 +134,7 @@ def test_the_json_is_as_agreed(written: Path) -> None:
         "next_experiment",
     ]
     assert results["status"] == "explained"
+    assert results["doubts"] == []
     assert results["baseline"] == {"nrmse_percent_train": 2.4, "nrmse_percent_test": 2.5}
     (finding,) = results["findings"]
     assert finding == {
