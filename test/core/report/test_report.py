@@ -312,6 +312,15 @@ def test_the_command_writes_all_of_it_and_the_model_runs(
     assert run(["compensate", *model, "--input", "target.csv", "--output", "voltage.csv"]) == 0
 
 
+def test_what_an_answer_leaves_in_doubt_is_said(tmp_path: Path) -> None:
+    given = _diagnosis(status=Status.SUSPECT, findings=(replace(_FINDING, probability=0.8),))
+    write_report(given, tmp_path)
+    (doubt,) = json.loads((tmp_path / "diagnosis.json").read_text())["doubts"]
+    assert "right with a probability of 80 %" in doubt
+    assert f"Doubt: {doubt}." in _Page((tmp_path / "report.html").read_text()).text
+    assert doubt in str(given)
+
+
 def test_a_form_that_stands_in_is_shown_and_is_no_name(tmp_path: Path) -> None:
     given = _diagnosis(status=Status.UNEXPLAINED, findings=(), stand_ins=(_FINDING,))
     write_report(given, tmp_path)
