@@ -1,4 +1,4 @@
-"""What every test run needs: the same examples each time; tests that talk over ROS before all others that compute."""
+"""What every test run needs: the same examples each time; tests that compute wait for those that talk over ROS."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _wait_for_all_others() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Spread tests over the workers file by file, the longest one by one; ROS tests over every second worker.
+    """Spread tests over the workers file by file, the longest one by one; ROS tests over half of them.
 
     A worker that has computed is last in line and remains so: it is given no ROS test. Nodes of tests that run at the
     same time are in domains of their own.

@@ -21,6 +21,7 @@ from fomrc_ros.demo.processor_waits import ProcessorWaits
 from fomrc_ros.demo.response import Response, response_of
 from fomrc_ros.demo.targets import RATE_HZ, Target
 from fomrc_ros.node.quality_of_service import COMMAND, RECORDED_MEASUREMENT
+from fomrc_ros.node.sender import Sender
 
 COMPENSATED, UNCOMPENSATED = "compensated", "uncompensated"
 # 20 ms between two looks at how long the processes waited: a look costs some 0.2 ms.
@@ -41,8 +42,8 @@ class Driver(Node):
     def __init__(self, gain_um_per_v: float, pids: Sequence[int], context: Context) -> None:
         super().__init__("driver", context=context)
         self._gain_um_per_v = gain_um_per_v
-        self._position = self.create_publisher(Float64, f"{COMPENSATED}/desired_position", COMMAND)
-        self._voltage = self.create_publisher(Float64, f"{UNCOMPENSATED}/voltage", COMMAND)
+        self._position = Sender(self, Float64, f"{COMPENSATED}/desired_position", COMMAND)
+        self._voltage = Sender(self, Float64, f"{UNCOMPENSATED}/voltage", COMMAND)
         self._seen: dict[str, list[tuple[float, float]]] = {COMPENSATED: [], UNCOMPENSATED: []}
         for axis, seen in self._seen.items():
             self.create_subscription(JointState, f"{axis}/displacement", self._recorder(seen), RECORDED_MEASUREMENT)
@@ -129,8 +130,8 @@ class Driver(Node):
                 self._target = None
                 if self._finished is not None:
                     self._finished.set_result(None)
-        self._position.publish(Float64(data=um_to_m(self._last_um)))
-        self._voltage.publish(Float64(data=self._last_um / self._gain_um_per_v))
+        self._position.send(Float64(data=um_to_m(self._last_um)))
+        self._voltage.send(Float64(data=self._last_um / self._gain_um_per_v))
 
 
 def _pairs(noted: list[tuple[float, float]]) -> Array:

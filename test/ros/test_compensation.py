@@ -161,8 +161,10 @@ def test_stale_target_ramps_to_the_safe_voltage(tmp_path, probe, start):
     heard = probe.record("voltage")
     publisher = probe.publisher("desired_position")
     probe.drive_until(publisher, 1e-6, lambda: heard and heard[-1][1].data > 0.4, "the target followed")
+    probe.drive(publisher, lambda t: 1e-6, 0.5)
+    tracking = heard[-1][1].data
     probe.until(lambda: heard[-1][1].data == 0.2, "safe voltage")
     probe.until(lambda: probe.levels.get(node.name) == DiagnosticStatus.WARN, "warning")
     probe.until(lambda: probe.messages[node.name] == "ramping to the safe voltage", "reason")
     # A target that comes again is followed again.
-    probe.drive_until(publisher, 1e-6, lambda: heard[-1][1].data > 0.4, "the target followed again")
+    probe.drive_until(publisher, 1e-6, lambda: abs(heard[-1][1].data - tracking) < 0.05, "the target followed again")

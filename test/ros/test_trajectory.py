@@ -18,7 +18,7 @@ FAST = MODEL | {
 }
 AHEAD_S = 0.5
 N_HEARD = 30  # of the hundred messages of a half period at 1 kHz
-N_TIMES = 10
+N_TIMES = 3
 LATE_S, ERROR_M = 3.5e-3, 0.03 * 2e-6
 
 
