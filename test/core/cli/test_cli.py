@@ -273,7 +273,8 @@ def test_results_go_to_standard_output_and_talk_to_standard_error(measured: Path
     )
     assert refused.returncode == 2
     assert refused.stderr.endswith("no: no such folder (allowed: an existing folder)\n")
-    assert refused.stderr.count("\n") == 1
+    # A machine so busy that to load takes seconds is told that it loads; nothing else stands beside the line.
+    assert len([line for line in refused.stderr.splitlines() if not line.startswith("loading: ")]) == 1
 
 
 def test_help_imports_no_numerics() -> None:
