@@ -252,7 +252,7 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
     step = min(float(np.median(record.steps_s)) for record in split.train)
     acting = (c for at, c in fitted.model.found() if at is None or at < len(split.train))
     is_plausible = all(c.is_plausible(longest, step) for c in acting)
-    is_plausible = is_plausible and (not bound or _is_confirmed(fitted, split, cause))
+    is_plausible = is_plausible and (not bound or is_confirmed(fitted, split, cause))
     train_gain = math.log(present.squared_error / fitted.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
@@ -271,7 +271,7 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
     )
 
 
-def _is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:
+def is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:
     """Return whether some record shows what the effect must show there."""
     without = fitted.model.without(cause)
     for index, record in enumerate(split.train):

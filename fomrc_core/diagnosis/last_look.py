@@ -77,17 +77,21 @@ def looked_at_last(
             continue
         if is_hasty and step.margin > SURE:
             continue
-        if step.accepted.is_bound or not cause_classes()[name].is_exchangeable or not final.model.has(name):
+        # what belongs to single records was compared when it was accepted, but for the first of a pair
+        is_bound = step.accepted.is_bound
+        if (is_bound and not math.isnan(step.margin)) or not cause_classes()[name].is_exchangeable:
             continue
-        own, candidates, left_out = _in_place_of(name, steps, final, split, causes, executor)
-        for other in candidates:
+        if not final.model.has(name):
+            continue
+        own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
+        for other in () if is_bound else candidates:
             if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
                 continue
             if cause_classes()[other.cause].generalizes == name and not is_surely_better(other, own):
                 continue
             if held_out_score(held, list(other.held)).log_gain > _BETTER:
                 return LastLook(tuple(steps), (at, other))
-        simpler = simplest(own, candidates, split, len(causes))
+        simpler = own if is_bound else simplest(own, candidates, split, len(causes))
         if simpler is not own:
             return LastLook(tuple(steps), (at, simpler))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
@@ -100,7 +104,7 @@ def looked_at_last(
 
 
 def _in_place_of(
-    name: str,
+    step: Step,
     steps: Sequence[Step],
     final: Refit,
     split: DataSplit,
@@ -112,13 +116,13 @@ def _in_place_of(
     Its kin that was not asked for comes last: it can take nobody's place.
     """
     # Many arguments: one search, looked at from within.
-    found = {step.accepted.cause for step in steps}
-    before = next(step.before for step in steps if step.accepted.cause == name)
-    fewer = final.model.as_before(before, name)
+    name = step.accepted.cause
+    found = {each.accepted.cause for each in steps}
+    fewer = final.model.as_before(step.before, name)
     lesser = refit(fewer, split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)
     wanted = tuple(cause for cause in causes if cause not in found)
     screened = screen(present, wanted, held_view(lesser, split), executor)
-    own = candidate_of(present, split, name, final, bound=False)
+    own = candidate_of(present, split, name, final, bound=step.accepted.is_bound)
     candidates = candidates_for(present, split, screened, executor, own)
     return own, candidates, kin_left_out(own, present, split, causes)

@@ -5,14 +5,19 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
-from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
+from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import is_accepted, is_no_wander, likelier
-from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, sure_gain
+from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.wander import gain_beyond_wander
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
+from fomrc_core.records.drive import held_out_blocks
 
 _SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
 _MOST_FIRSTS = 2  # tried with a second beside them: each costs a round
@@ -62,28 +67,51 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     Where training data surely speak for another cause than held-out data do neither is the whole: each may stand in
     there for what the other record shows of two.
     """
-    accepted = chosen[1]
-    told = [c for c in asked.candidates if not c.is_bound and c.is_plausible]
-    told = [c for c in told if c.train_log_gain > accepted.train_log_gain + _SPEAKS_UP]
-    # beside one that does, one that does worse than none held out has nothing to say
-    told = [c for c in told if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
-    for first in sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]:
+    accepted, best = chosen[1], None
+    for first in _firsts_beside(accepted, asked.candidates, asked.split):
         pair = _with_pair(asked, first)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue
-        # two explain more than one whichever they are: what was chosen gets a second as well
-        own = _with_pair(asked, accepted)
-        errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
-        if pair[1].fitted.squared_error < min(errors):
-            return pair
-    return chosen
+        if best is None or sure_gain(best[1].fitted, pair[1].fitted, asked.split) > SURE:
+            best = pair
+    if best is None:
+        return chosen
+    # two explain more than one whichever they are: what was chosen gets a second as well
+    own = _with_pair(asked, accepted)
+    errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
+    return best if best[1].fitted.squared_error < min(errors) else chosen
+
+
+def _firsts_beside(accepted: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:
+    """Return the candidates to try a second beside, plays of their own last: they bend to much that is another cause.
+
+    Where only such a one speaks up in training, those without are asked too that explain more there than what was
+    accepted.
+    """
+    # beside one that does, one that does worse than none held out has nothing to say
+    told = [c for c in candidates if not c.is_bound and c.is_plausible and c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
+    told = sorted(told, key=lambda candidate: -candidate.train_log_gain)
+    loud = [c for c in told if c.train_log_gain > accepted.train_log_gain + _SPEAKS_UP]
+    rich = [c for c in loud if c.brings_plays][:1]
+    plain = [c for c in (told if rich else loud) if not c.brings_plays]
+    plain = [c for c in plain if c is not accepted and c.train_log_gain > accepted.train_log_gain]
+    plain = [c for c in plain if not _is_general_for_nothing(c, plain, split)]
+    return [*plain[:_MOST_FIRSTS], *rich]
+
+
+def _is_general_for_nothing(candidate: Candidate, others: list[Candidate], split: DataSplit) -> bool:
+    """Return whether a special case of it does as well."""
+    special = next((c for c in others if c.cause == cause_classes()[candidate.cause].generalizes), None)
+    return special is not None and sure_gain(special.fitted, candidate.fitted, split) <= SURE
 
 
 def best_beside(
     first: Candidate, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
 ) -> Candidate | None:
     """Return the candidate that gains most beside a first one, of those its model has not."""
-    present = PresentModel.of(first.fitted.model, split)
+    # what belongs to single records would hide all else in the held-out one if it were not followed there
+    model = follow_held(first.fitted.model, split) if first.is_bound else first.fitted.model
+    present = PresentModel.of(model, split)
     wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
     return next(iter(candidates_for(present, split, screened, executor)), None)
@@ -101,12 +129,34 @@ def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] 
 
 
 def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
-    """Return a second candidate that gains together with a first on held-out data, where one alone does not."""
+    """Return a second candidate that gains together with a first on held-out data, where one alone does not.
+
+    What belongs to single records may be told from a sensor that wanders only beside the second: the first must be
+    told there, and the second gain beside it.
+    """
     if first.train_log_gain < WORTHWHILE_LOG_GAIN:
         return None
     second = best_beside(first, asked.split, asked.wanted, asked.executor)
     if second is None:
         return None
-    before = held_residuals(asked.state.model, asked.split.held)
-    after = held_residuals(second.fitted.model, asked.split.held)
-    return replace(second, score=held_out_score(before, after))
+    if not first.is_bound:
+        return replace(second, score=_score_of_pair(asked.state.model, second.fitted.model, asked.split))
+    is_told = is_confirmed(second.fitted, asked.split, first.cause)
+    return second if is_told and gain_beyond_wander(second.fitted.model, first.cause, asked.split) > SURE else None
+
+
+def _score_of_pair(before: TrialModel, pair: TrialModel, split: DataSplit) -> HeldOutScore:
+    """Return how a pair does on held-out data beside the model before it.
+
+    What belongs to single records acts in the held-out one in its own way: it is fitted to some blocks there, and the
+    others are scored. Left out it would hide there whatever the other of the two explains.
+    """
+    kinds = {cause.name for at, cause in pair.found() if at is not None}
+    if kinds <= {cause.name for at, cause in before.found() if at is not None} or not split.is_apart:
+        return held_out_score(held_residuals(before, split.held), held_residuals(pair, split.held))
+    scored = tuple(
+        replace(part, record=part.record.using(part.record.is_used & held_out_blocks(part.record.time_s.size)))
+        for part in split.held
+    )
+    followed = follow_held(pair, replace(split, report=()))
+    return held_out_score(held_residuals(before, scored), held_residuals(followed, scored))
