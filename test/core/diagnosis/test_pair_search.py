@@ -1,0 +1,99 @@
+"""Two causes at once: which are tried as the first of a pair, and how a pair is scored in data it was not learned from.
+
+The truth of these records is a straight line, a converter's steps and a drift, made here with numpy alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis import pair_search
+from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.diagnosis import Diagnosis, diagnose
+from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.effects.dac_quantization import DacQuantization
+from fomrc_core.effects.thermal_drift import ThermalDrift
+from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.recording import Recording
+
+RATE_HZ = 100.0
+STEP_V = 0.08
+NOISE_UM = 0.01
+UM_PER_V = 2.0
+PLAIN = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([UM_PER_V]), 0.0, (), ((), ()))
+
+
+def _measured(seed: int, warmed_um: float) -> Recording:
+    """Return a stage behind a coarse converter that warms up while it is measured."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(3000) / RATE_HZ
+    lines_hz, phases = rng.uniform(0.05, 1.0, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
+    voltage_v = np.sum(np.sin(2.0 * np.pi * lines_hz[:, None] * time_s + phases[:, None]), axis=0)
+    reached_v = STEP_V * np.round(voltage_v / STEP_V)
+    drift_um = warmed_um * (1.0 - np.exp(-time_s / 12.0))
+    return Recording(time_s, voltage_v, UM_PER_V * reached_v + drift_um + rng.normal(0.0, NOISE_UM, time_s.size))
+
+
+@pytest.fixture(scope="module")
+def split() -> DataSplit:
+    return split_data((_measured(1, 0.6),), _measured(2, -0.4), None, NOISE_UM)
+
+
+def test_a_drift_hides_nothing_of_what_acts_beside_it_in_held_out_data(split: DataSplit) -> None:
+    drift = ThermalDrift(warm_up_um=0.6, warm_up_s=12.0)
+    alone = refit(PLAIN.with_cause(drift, 0), split.train).model
+    both = alone.with_cause(DacQuantization(STEP_V))
+    score = pair_search._score_of_pair(PLAIN, both, split)
+    print(score)
+    # the held-out record drifts the other way: the pair is judged by its own drift there
+    assert score.rms_after_um == pytest.approx(NOISE_UM, rel=0.1)
+    assert score.rms_before_um > 5.0 * NOISE_UM
+    # beside the drift the converter is all that is left, and has a say of its own
+    beside = pair_search._score_of_pair(PLAIN, alone, split)
+    steps_um = UM_PER_V * STEP_V / np.sqrt(12.0)
+    assert beside.rms_after_um == pytest.approx(np.hypot(NOISE_UM, steps_um), rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def answer() -> Diagnosis:
+    return diagnose((_measured(3, 0.6),), test=_measured(4, -0.4), report=_measured(5, 0.3))
+
+
+def test_a_converter_and_a_drift_are_both_found_and_both_compared(answer: Diagnosis) -> None:
+    print(answer)
+    found = {finding.cause: finding for finding in answer.findings}
+    assert set(found) == {"dac_quantization", "thermal_drift"}
+    assert found["dac_quantization"].parameters["step_v"] == pytest.approx(STEP_V, rel=0.01)
+    # neither is unsure for want of a comparison
+    assert not any(np.isnan(finding.margin) for finding in answer.findings)
+
+
+def _candidate(split: DataSplit, cause: str, train_gain: float) -> Candidate:
+    fitted = refit(PLAIN, split.train)
+    fitted = replace(fitted, squared_error=fitted.squared_error * float(np.exp(-train_gain)))
+    return Candidate(cause, fitted, HeldOutScore(0.5, 0.0, 1e-9, 1.0, 0.8), train_gain, (), 2)
+
+
+def test_a_first_with_plays_of_its_own_is_asked_after_those_without(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Candidate, "brings_plays", property(lambda self: self.cause == "asymmetric_hysteresis"))
+    accepted = _candidate(split, "slow_relaxation", 0.9)
+    rich = _candidate(split, "asymmetric_hysteresis", 2.2)
+    kink, clinging = _candidate(split, "lost_preload", 1.1), _candidate(split, "intermittent_contact", 1.1)
+    poor = _candidate(split, "gain_drift", 0.2)
+
+    def firsts(*candidates: Candidate) -> list[str]:
+        return [c.cause for c in pair_search._firsts_beside(accepted, [accepted, *candidates], split)]
+
+    assert firsts(rich, kink, poor) == ["lost_preload", "asymmetric_hysteresis"]
+    # a contact that does not cling is the kink again
+    assert firsts(rich, clinging, kink, poor) == ["lost_preload", "asymmetric_hysteresis"]
+    # one that explains hardly more than what was accepted is no reason to ask
+    assert firsts(kink, poor) == []
