@@ -14,6 +14,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
+from fomrc_core.diagnosis.record_effects import refollowed
 from fomrc_core.diagnosis.screening import HeldView, Screened
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
@@ -288,7 +289,8 @@ def _held_pair(
     model: TrialModel, fitted: Refit, split: DataSplit, cause: str, bound: bool
 ) -> tuple[list[Array], list[Array]]:
     if not bound:
-        return held_residuals(model, split.held), held_residuals(fitted.model, split.held)
+        # what a drift had to make up for in the held-out record it need not beside what is right
+        return held_residuals(model, split.held), held_residuals(refollowed(fitted.model, split), split.held)
     # An effect of one record cannot be held out by another record: hold out blocks of the same one.
     indices = [i for i in range(len(split.train)) if fitted.model.has(cause, i)]
     learned = tuple(r.using(r.is_used & learned_blocks(r.time_s.size)) for r in split.train)

@@ -39,6 +39,19 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
     return model
 
 
+def refollowed(model: TrialModel, split: DataSplit) -> TrialModel:
+    """Return the model with the effects of held-out records fitted to them again from where they stand.
+
+    They were fitted beside what was known before: what a further cause does there they had to make up for.
+    """
+    for part in {h.index: h for h in split.held}.values():
+        if not len(split.train) <= part.index < len(model.record_effects) or not model.record_effects[part.index]:
+            continue
+        one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
+        model = model.with_record_of(_refit_own(model.alone(part.index), one), part.index)
+    return model
+
+
 def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor | None) -> Refit:
     """Return the joint refit with an effect of single records sought anew in every record, where that is better.
 

@@ -26,7 +26,7 @@ from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.record_effects import follow_held, sought_again
+from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import PRUNED, SearchState, pruned, with_rival
 from fomrc_core.diagnosis.step import Step
@@ -212,7 +212,8 @@ def _better_rival(
                 effect = next(e for e in rival.fitted.model.effects if e.name == rival.cause)
                 start = state.model.without(name).with_cause(effect)
             other = fit_until_still(start, split.train, executor)
-            held = held_out_score(held_residuals(state.model, split.held), held_residuals(other.model, split.held))
+            held_um = held_residuals(refollowed(other.model, split), split.held)
+            held = held_out_score(held_residuals(state.model, split.held), held_um)
             if sure_gain(state.final, other, split) > SURE and held.log_gain > PRUNED:
                 return at, rival
     return None
