@@ -243,7 +243,7 @@ def test_a_full_disk_gets_no_new_file_each_second(tmp_path, monkeypatch):
     memory = ActuatorMemory.relaxed(compensator)
     writer = CheckpointWriter(path, 1e-3)
 
-    def drive(n: int, start: int) -> float:
+    def drive(n: int, start: int, *, is_discontinuous: bool = False) -> float:
         for k in range(start, start + n):
             voltage_v = memory.advance(compensator, 0.5 * np.sin(0.1 * k), 0.01)
             writer.note(
@@ -252,11 +252,13 @@ def test_a_full_disk_gets_no_new_file_each_second(tmp_path, monkeypatch):
                 [Move(0.01, 0.5 * np.sin(0.1 * k), float("nan"), voltage_v)],
                 0.5 * np.sin(0.1 * k),
                 voltage_v,
+                is_discontinuous=is_discontinuous,
             )
             time.sleep(2e-3)
         return voltage_v
 
-    drive(20, 0)
+    drive(19, 0)
+    drive(1, 19, is_discontinuous=True)  # on disk, and nothing under way: the next snapshot gets the last new journal
     from fomrc_core.control import checkpoint as module
     from fomrc_core.errors import StorageError
 
