@@ -212,8 +212,8 @@ def _better_rival(
                 effect = next(e for e in rival.fitted.model.effects if e.name == rival.cause)
                 start = state.model.without(name).with_cause(effect)
             other = fit_until_still(start, split.train, executor)
-            held_um = held_residuals(refollowed(other.model, split), split.held)
-            held = held_out_score(held_residuals(state.model, split.held), held_um)
+            held_um = [held_residuals(m, split.held) for m in (state.model, refollowed(other.model, split))]
+            held = held_out_score(*held_um)
             if sure_gain(state.final, other, split) > SURE and held.log_gain > PRUNED:
                 return at, rival
     return None

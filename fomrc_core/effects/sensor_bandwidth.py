@@ -80,6 +80,11 @@ class SensorBandwidth(Effect):
         """Return the step for a controller."""
         return pairs_form(*self._modes())
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the delay that lags as much where all is slow: many poles are one (Pade)."""
+        poles, gains = (values[:, 0] + 1j * values[:, 1] for values in self._modes())
+        return {"transport_delay": {"delay_s": -float(np.sum((gains / poles).real))}}
+
     def _modes(self) -> tuple[Array, Array]:
         modes = stage_modes if self.in_stages else butterworth_modes
         return modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))

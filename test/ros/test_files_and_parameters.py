@@ -245,15 +245,10 @@ def test_a_full_disk_gets_no_new_file_each_second(tmp_path, monkeypatch):
 
     def drive(n: int, start: int, *, is_discontinuous: bool = False) -> float:
         for k in range(start, start + n):
-            voltage_v = memory.advance(compensator, 0.5 * np.sin(0.1 * k), 0.01)
-            writer.note(
-                compensator,
-                memory,
-                [Move(0.01, 0.5 * np.sin(0.1 * k), float("nan"), voltage_v)],
-                0.5 * np.sin(0.1 * k),
-                voltage_v,
-                is_discontinuous=is_discontinuous,
-            )
+            target_um = 0.5 * np.sin(0.1 * k)
+            voltage_v = memory.advance(compensator, target_um, 0.01)
+            moves = [Move(0.01, target_um, float("nan"), voltage_v)]
+            writer.note(compensator, memory, moves, target_um, voltage_v, is_discontinuous=is_discontinuous)
             time.sleep(2e-3)
         return voltage_v
 

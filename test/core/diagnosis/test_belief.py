@@ -20,6 +20,10 @@ def _told(margin: float, judgement: Judgement, whitened: float | None = None) ->
     return with_probabilities((finding,), judgement)[0].probability
 
 
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))
+
+
 @pytest.mark.parametrize("judgement", [_NOISE, _MORE])
 def test_a_larger_margin_is_never_told_less(judgement: Judgement) -> None:
     told = [_told(margin, judgement) for margin in (-1e6, -300.0, -10.0, -1.0, 0.0, 1.0, 10.0, 300.0, 1e6)]
@@ -35,7 +39,7 @@ def test_what_noise_that_wanders_hides_of_a_margin_the_whitened_one_tells() -> N
 def test_the_same_margin_says_more_where_noise_is_left() -> None:
     assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (0.0, 3.0, 30.0))
     assert _told(-30.0, _MORE) < 0.5 < _told(3000.0, _MORE)
-    gained = [_told(3000.0, judgement) - _told(3.0, judgement) for judgement in (_NOISE, _MORE)]
+    gained = [_log_odds(_told(3000.0, judgement)) - _log_odds(_told(3.0, judgement)) for judgement in (_NOISE, _MORE)]
     assert gained[0] > gained[1], "of two models that are both wrong the likelier one says less"
     assert _told(-30.0, _NOISE) < _told(-30.0, _MORE), "and the same of what another beats"
 
