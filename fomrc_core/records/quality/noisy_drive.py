@@ -22,6 +22,7 @@ _ORDERS = (4, 6, 8)  # of differences: white noise has the same size in all, a d
 _ALIKE = 0.15  # of a size: twice the standard error of eighth differences' over a thousand samples
 _LEAST_SAMPLES = 400  # from which on the sizes are known so well
 _FELT = 0.25  # of the reading's noise: what a drive's makes of the displacement raises it by 3 % from here on
+_ROUNDING = 1e-12  # of the drive's range: less is of its numbers, whatever a reading in coarse steps shows of it
 _LARGEST_SHARE = 0.02  # of the drive's range: more is a drive and no noise of its reading
 _MOST_LAGS = 16  # samples in which the displacement may follow
 _SURE = 0.01  # of the hypothesis that the displacement shows nothing of it
@@ -53,7 +54,7 @@ def drive_noise_v(time_s: Array, voltage_v: Array, displacement_um: Array) -> fl
     noise_v = float(np.median(sizes))
     is_white = noise_v > 0.0 and max(sizes) - min(sizes) <= _ALIKE * noise_v
     is_felt = noise_v * range_um > _FELT * _size(displacement_um, _ORDERS[0]) * range_v
-    if not (is_white and is_felt and noise_v < _LARGEST_SHARE * range_v):
+    if not (is_white and is_felt and _ROUNDING * range_v < noise_v < _LARGEST_SHARE * range_v):
         return 0.0
     return 0.0 if _is_followed(voltage_v, displacement_um, noise_v) else noise_v
 
@@ -98,7 +99,9 @@ def _is_followed(voltage_v: Array, displacement_um: Array, noise_v: float) -> bo
     shared = irfft(rfft(quick_um) * np.conj(spectrum), n)
     moved = np.linspace(2 * _MOST_LAGS, n - 3 * _MOST_LAGS, _N_MOVED).astype(np.int64)
     moments = shared[np.concatenate(([0], moved))[:, None] + np.arange(_MOST_LAGS + 1)]
-    explained = np.einsum("ij,ij->i", moments, np.linalg.solve(toeplitz(own), moments.T).T)
+    # noise that a quantised drive shows at a few samples alone leaves lags that say the same
+    solved, *_ = np.linalg.lstsq(toeplitz(own), moments.T)
+    explained = np.einsum("ij,ij->i", moments, solved.T)
     return bool(np.mean(explained[1:] >= explained[0]) < _SURE)
 
 

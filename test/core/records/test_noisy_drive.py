@@ -47,6 +47,12 @@ def test_a_drive_that_is_followed_is_no_noise(seed: int) -> None:
         assert kinds(recording(followed, rough, seed)) == []
 
 
+def test_rounding_of_numbers_is_no_noise_where_the_reading_stands_still() -> None:
+    steps_v = np.repeat(np.tile([0.0, 0.7, -0.4, 1.0, 0.2], 5), 100)
+    rounded_v = steps_v + 1e-15 * np.random.default_rng(2).standard_normal(N)
+    assert kinds(Recording(TIME_S, rounded_v, np.round(2.0 * steps_v, 1))) == []
+
+
 def test_what_somebody_made_is_no_noise() -> None:
     rng = np.random.default_rng(5)
     kernel = np.hanning(9) / np.sum(np.hanning(9))
