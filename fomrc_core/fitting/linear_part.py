@@ -112,8 +112,12 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
         values = None
         if effect.slope_depends_on_input:
             values = _input_of(effect, about or trial, record, index, (before, drive))[first:]
-        columns[first:] = effect.linearized(columns[first:], steps_s[first:], values)
-    columns = drive.at_samples(columns[n_before - n_skipped :])
+        passed = effect.linearized(columns[first:], steps_s[first:], values)
+        if first == 0:
+            columns = passed
+        else:
+            columns[first:] = passed
+    columns = np.ascontiguousarray(drive.at_samples(columns[n_before - n_skipped :]))
     beat("simulations", 0)
     for effect in of_stage(effects, Stage.SENSED):
         values = None

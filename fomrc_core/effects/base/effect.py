@@ -212,7 +212,7 @@ class Effect(Cause):
         """
         if self.stage is not Stage.MECHANICAL:
             return changes
-        passed = np.empty_like(changes)
+        passed = np.empty(changes.shape, order="F")  # each change is read and written as a whole
         for column in range(changes.shape[1]):
             beat("simulations")
             one = np.ascontiguousarray(changes[:, column])
