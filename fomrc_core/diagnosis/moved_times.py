@@ -1,7 +1,12 @@
-"""Times at which something befell a record, each moved by itself to where it leaves least: a jump has no derivative."""
+"""Times at which something befell a record, each moved by itself to where it leaves least: a jump has no derivative.
+
+Those that gain nothing are no times of anything.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +22,10 @@ _MOST_TRIALS = 600  # a simulation each
 
 
 def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialModel:
-    """Return the model with the times of its causes in one record where they leave least, all else held.
+    """Return the model with the times of its causes in one record where they leave least, the idle ones gone.
 
-    Each time in turn goes a step earlier and later; where none gains the step is halved.
+    Each time in turn goes a step earlier and later; where none gains the step is halved. No time goes to or from where
+    the record's samples are not looked at: there nothing holds it, and it would make up for what is wrong elsewhere.
 
     Args:
         model: of this record alone, or of several of which this is one.
@@ -28,8 +34,29 @@ def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialM
     """
     for cause in model.causes_in(index):
         if any(getattr(cause, name) for name in cause.moved_times):
-            model = _moved(model, record, index, cause)
+            model = _without_idle(_moved(model, record, index, cause), record, index, cause.name)
     return model
+
+
+def _without_idle(model: TrialModel, record: FitRecord, index: int, name: str) -> TrialModel:
+    """Return the model without the times, one of each list together, that gain no more than such times do by chance."""
+    cause = _cause(model, index, name)
+    error, n_used = _error(model, record, index), max(int(np.count_nonzero(record.is_used)), 2)
+    chance = math.exp(len(cause.moved_times) * math.log(n_used) / n_used)  # of either error (Schwarz, 1978)
+    for at in reversed(range(len(getattr(cause, cause.moved_times[0])))):
+        lists_s = {listed: getattr(cause, listed) for listed in cause.moved_times}
+        fewer = _changed(cause, {listed: (*times_s[:at], *times_s[at + 1 :]) for listed, times_s in lists_s.items()})
+        if fewer is None or not _is_seen(record, *(times_s[at] for times_s in lists_s.values())):
+            continue
+        option = model.with_cause(fewer, index)
+        option_error = _error(option, record, index)
+        if option_error <= chance * error:
+            model, cause, error = option, fewer, option_error
+    return model
+
+
+def _cause(model: TrialModel, index: int, name: str) -> Cause:
+    return next(cause for cause in model.causes_in(index) if cause.name == name)
 
 
 def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
@@ -38,11 +65,11 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
     error, n_trials = _error(model, record, index), 0
     while step_s >= least_s and n_trials < _MOST_TRIALS:
         is_better = False
-        for name in cause.moved_times:
-            for at in range(len(getattr(cause, name))):
+        for listed in cause.moved_times:
+            for at in range(len(getattr(cause, listed))):
                 for change_s in (step_s, -step_s):
-                    trial = _with_one_moved(cause, name, at, change_s)
-                    if trial is None:
+                    trial = _with_one_moved(cause, listed, at, change_s)
+                    if trial is None or not _is_seen(record, getattr(cause, listed)[at], getattr(trial, listed)[at]):
                         continue
                     option = model.with_cause(trial, index)
                     option_error = _error(option, record, index)
@@ -58,10 +85,21 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
 def _with_one_moved(cause: Cause, name: str, at: int, change_s: float) -> Cause | None:
     times_s = list(getattr(cause, name))
     times_s[at] += change_s
+    return _changed(cause, {name: tuple(times_s)})
+
+
+def _changed(cause: Cause, times_s: Mapping[str, tuple[float, ...]]) -> Cause | None:
     try:
-        return replace(cause, **{name: tuple(times_s)})
+        return replace(cause, **times_s)
     except ParameterError:
         return None
+
+
+def _is_seen(record: FitRecord, *times_s: float) -> bool:
+    """Return whether the samples about these times are all looked at."""
+    last = record.time_s.size - 1
+    after = np.clip(np.searchsorted(record.time_s, times_s), 1, last)
+    return bool(np.all(record.is_used[after]) and np.all(record.is_used[after - 1]))
 
 
 def _error(model: TrialModel, record: FitRecord, index: int) -> float:

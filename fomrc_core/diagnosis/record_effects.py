@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -11,11 +12,14 @@ from fomrc_core.diagnosis.moved_times import with_times_moved
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
+from fomrc_core.effects.base.cause import Cause
+from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.drive import learned_blocks
 
@@ -55,13 +59,14 @@ def refollowed(model: TrialModel, split: DataSplit) -> TrialModel:
 def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor | None) -> Refit:
     """Return the joint refit with an effect of single records sought anew in every record, where that is better.
 
-    The first search saw each record through a base that still bent to what the effect did in all of them.
+    The first search saw each record through a base that still bent to what the effect did in all of them; in one alone
+    a fit has moved it since, but for times that no fit moves.
     """
     model = final.model
     for index, record in enumerate(split.train):
         if model.has(cause, index):
             model = with_times_moved(model, record, index)
-        if len(split.train) > 1 and model.has(cause, index):
+        if (len(split.train) > 1 or cause_classes()[cause].moved_times) and model.has(cause, index):
             anew = fit_one_record(model.without(cause, index), record, index, {cause})
             if _error(anew.alone(index), record) < _error(model.alone(index), record):
                 model = anew
@@ -78,7 +83,8 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
     for name in sorted(kinds):
         present = PresentModel(alone, (record,), held, noise_um=0.0)
         trials = [t for t in screen(present, (name,)) if t.explained > 0.0 and t.cause.belongs_to_record()]
-        if not trials:
+        known = _as_elsewhere(model, index, name, present)
+        if not trials and not known:
             continue
         pasts = [t.cause for t in trials if isinstance(t.cause, Prehistory)]
         if pasts:
@@ -89,9 +95,19 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         # a signature is the effect's slope; how well an instance of full size does only its simulation tells
         options = [alone.with_cause(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
         options.sort(key=lambda option: _error(option, record))
-        fits = [_refit_own(option, record) for option in options[:_MAX_STARTS]]
+        starts = [*options[:_MAX_STARTS], *(alone.with_cause(cause, 0) for cause in known)]
+        fits = [_refit_own(start, record) for start in starts]
         alone = with_times_moved(min((alone, *fits), key=lambda option: _error(option, record)), record, 0)
     return model.with_record_of(alone, index)
+
+
+def _as_elsewhere(model: TrialModel, index: int, name: str, present: PresentModel) -> Sequence[Cause]:
+    """Return a cause that was found in another record as it may act in this one."""
+    found = next((cause for at, cause in model.found() if at not in (None, index) and cause.name == name), None)
+    if found is None:
+        return []
+    evidence = evidence_of(present.model, present.records, present.residuals_um, present.noise_um)
+    return found.in_other_record(evidence)
 
 
 def _others(model: TrialModel, index: int, resting_v: float) -> list[Prehistory]:

@@ -120,6 +120,15 @@ class MainsHum(Effect):
             helpers=(clock_after,),
         )
 
+    def in_other_record(self, evidence: Evidence) -> list[MainsHum]:
+        """Return the tone of this frequency, with the harmonics that it has: only their phases are of a record.
+
+        Known from elsewhere it need not stand out from what the drive does in that record.
+        """
+        found = [number for number, name in enumerate(_AMPLITUDES, start=1) if getattr(self, name) != 0.0]
+        harmonics = {number: number * self.frequency_hz for number in found}
+        return self.proposed([_tone(evidence.records[0], harmonics)]) if harmonics else []
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[MainsHum]:
         """Return the strongest lines of the residual's spectrum, with their harmonics, each with amplitude and phase.

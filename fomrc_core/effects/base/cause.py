@@ -132,6 +132,14 @@ class Cause(ABC):
         """Return whether the parameters belong to one record and not to the actuator."""
         return self.is_record_bound
 
+    def in_other_record(self, evidence: Evidence) -> Sequence[Cause]:
+        """Return instances of it as it may act in a further record, where what records have in common is known.
+
+        Args:
+            evidence: of that record alone, with what a model without this cause leaves of it.
+        """
+        return []
+
     def special_case(self) -> dict[str, float]:
         """Return the parameters of the cause it generalizes that are nearest to it; none where it does not tell."""
         return {}

@@ -14,8 +14,8 @@ _STANDS = 4.0  # noise: how far a reading strays from a level
 _MOST = 12  # openings of a record; more that look like it are the way of the stage, as play at every turn
 _MOST_TRIED = 300  # jumps, the largest: of more the lead's are among them, or it is not what is wrong
 _LEAST_SAMPLES = 3  # that stand: two alike are chance
-_CREEPS = 0.1  # of what the drive has done meanwhile: how far the level itself may stray
-_GOES_ON = 0.3  # of the drive's step: less is a stage that stands
+_LEFT = 0.1  # of what the drive has done meanwhile: the least that is left of it when it jumps
+_GOES_ON = 0.3  # of the drive's way: less is a stage that stands and creeps
 _IS_BACK = 0.5  # of what the drive did meanwhile comes back soon, and no more than twice of it
 _MOVES = 6.0  # noise: what the drive would have moved the stage by
 
@@ -41,7 +41,6 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * noise_um)
         if end - begin < _LEAST_SAMPLES or begin == 0:
             continue
-        level_um = float(np.mean(measured_um[begin:end]))
         unseen_um = moved_um[begin:end] - moved_um[begin]
         n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
         # it misses what the drive does, and gets it back
@@ -50,17 +49,22 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         back_um = measured_um[after] - measured_um[end - 1]
         back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
         is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
-        is_left = abs(measured_um[end] - measured_um[end - 1]) > _CREEPS * abs(moved_um[end] - moved_um[begin])
+        is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - moved_um[begin])
         if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
             continue
-        while begin < end - 1 and _goes_on(measured_um, moved_um, begin, _STANDS * np.sqrt(2.0) * noise_um):
-            begin += 1
+        begin = _opening(measured_um, record.residual_um, begin, int(end))
+        level_um = float(np.mean(measured_um[begin : begin + _LEAST_SAMPLES]))
         step_um = record.predicted_um[begin] - record.predicted_um[begin - 1]
         share = (level_um - measured_um[begin - 1]) / step_um if step_um != 0.0 else 1.0
         step_s = time_s[begin] - time_s[begin - 1]
         open_s = float(time_s[begin - 1] + min(max(share, 0.0), 1.0) * step_s)
-        if begin < end - 1 and (not found or open_s > found[-1][1]):
-            found.append((open_s, float(0.5 * (time_s[end - 1] + time_s[end]))))
+        if begin >= end - 1:
+            continue
+        if found and open_s <= found[-1][1]:
+            if abs(open_s - found[-1][0]) > step_s:
+                continue
+            found.pop()  # it still stood where it seemed to be back: the drive had come by where it was
+        found.append((open_s, float(0.5 * (time_s[end - 1] + time_s[end]))))
     if len(found) > _MOST:
         return (), ()
     return tuple(pair[0] for pair in found), tuple(pair[1] for pair in found)
@@ -72,13 +76,23 @@ def _begin_of_level(measured_um: Array, moved_um: Array, end: int, reach_um: flo
     total, n, farthest_um = 0.0, 0, 0.0
     for k in range(end - 1, -1, -1):
         farthest_um = max(farthest_um, abs(moved_um[k] - moved_um[end - 1]))
-        if n and abs(measured_um[k] - total / n) > reach_um + _CREEPS * farthest_um:
+        if n and abs(measured_um[k] - total / n) > reach_um + _GOES_ON * farthest_um:
             return k + 1
         total, n = total + measured_um[k], n + 1
     return 0
 
 
-def _goes_on(measured_um: Array, moved_um: Array, at: int, noise_um: float) -> bool:
-    """Return whether the stage still follows the drive to the next sample."""
-    step_um = abs(moved_um[at + 1] - moved_um[at])
-    return bool(abs(measured_um[at + 1] - measured_um[at]) > noise_um + _GOES_ON * step_um)
+def _opening(measured_um: Array, residual_um: Array, begin: int, end: int) -> int:
+    """Return the first sample at which the stage stands: before it the model is followed, from it on a level is kept.
+
+    What either leaves is least where they change (a sample at a time says nothing where the drive is slow).
+    """
+    start = max(2 * begin - end, 0)
+    followed, stood = residual_um[start:end], measured_um[start:end]
+    counts = np.arange(1, end - start + 1)
+    scatter = np.cumsum(followed**2) - np.cumsum(followed) ** 2 / counts
+    kept = (np.cumsum(stood[::-1] ** 2) - np.cumsum(stood[::-1]) ** 2 / counts)[::-1]
+    first, last = _LEAST_SAMPLES, end - start - _LEAST_SAMPLES
+    if last <= first:
+        return begin
+    return start + first + int(np.argmin(scatter[first - 1 : last - 1] + kept[first:last]))

@@ -129,3 +129,18 @@ def test_a_past_is_sought_from_those_of_the_other_records_too():
     found = fit_one_record(known, record, 1, {"initial_state"}).start_of(1)
     assert found is not None
     assert found.extreme_v == pytest.approx(past.extreme_v, rel=0.02)
+
+
+def test_a_hum_known_from_one_record_is_followed_in_another_whose_drive_has_its_line():
+    rate_hz, tone = 200.0, MainsHum(5.0, 0.01, 0.4, second_amplitude_um=0.004, second_phase_rad=1.0)
+    drive = multisine(1.0, lowest_hz=0.5, highest_hz=12.0, period_s=2.0, n_periods=10, rate_hz=rate_hz).voltage_v
+    other = replace(tone, phase_rad=2.5, second_phase_rad=-0.7)
+    record = FitRecord.of(_measured(PLAIN.with_cause(other, 0), drive, rate_hz, 9))
+    known = replace(PLAIN, record_effects=((tone,), ()), starts=(None, None))
+    assert not MainsHum.screening(_evidence(record.recording, record.measured_um - np.mean(record.measured_um)))
+    model = fit_one_record(known, record, 1, {"mains_hum"})
+    found = model.record_effects[1][0]
+    assert isinstance(found, MainsHum)
+    assert found.second_amplitude_um == pytest.approx(0.004, rel=0.1), "with the harmonic that it has"
+    left = squared_error((record,), residuals(model.alone(1), (record,)))
+    assert np.sqrt(left / record.time_s.size) < 1.02 * NOISE_UM

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.effects.base.contact_times import open_times
+from fomrc_core.effects.base.evidence import RecordEvidence
 from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
 
@@ -71,3 +77,42 @@ def test_a_diagnosis_finds_the_openings_of_each_record() -> None:
     lead = found.findings[0].parameters
     np.testing.assert_allclose(lead["opens_s"], [4.1, 13.33], atol=2 * STEP_S)
     np.testing.assert_allclose(lead["closes_s"], [4.595, 13.795], atol=STEP_S)
+
+
+def _plain_with(lead: IntermittentContact) -> TrialModel:
+    columns = ColumnKinds.plays(np.array([0.0, 2.0, 6.0]))
+    return TrialModel(columns, np.array([0.2, 0.05, 0.05]), 0.02, (), ((),)).with_cause(lead, 0)
+
+
+def test_openings_move_to_where_they_leave_least_and_go_where_they_explain_nothing() -> None:
+    n = 1200
+    blank = Recording(STEP_S * np.arange(n), sweeps(n, 3), sweeps(n, 3))
+    true = IntermittentContact(opens_s=(2.0, 8.0), closes_s=(2.4, 8.3))
+    moved_um = predict(_plain_with(true), FitRecord.of(blank), 0)
+    record = FitRecord.of(Recording(blank.time_s, blank.voltage_v, moved_um))
+    unseen = record.using(record.time_s < 7.0)
+    begun = IntermittentContact(opens_s=(1.96, 4.0, 8.1), closes_s=(2.43, 4.5, 8.25))
+
+    def found(seen: FitRecord) -> IntermittentContact:
+        (lead,) = with_times_moved(_plain_with(begun), seen, 0).record_effects[0]
+        assert isinstance(lead, IntermittentContact)
+        return lead
+
+    np.testing.assert_allclose(
+        [found(record).opens_s, found(record).closes_s], [true.opens_s, true.closes_s], atol=0.01
+    )
+    # where nobody looks nothing holds a time: it stays where it was
+    half = found(unseen)
+    np.testing.assert_allclose([half.opens_s, half.closes_s], [[2.0, 8.1], [2.4, 8.25]], atol=0.01)
+
+
+def test_a_stage_that_creeps_on_while_the_lead_is_open_stands() -> None:
+    n = 600
+    drive_v = sweeps(n, 1)
+    shown_um = held(drive_v, [(300, 345)])
+    # a fifth of what the drive does meanwhile
+    shown_um[300:345] += 0.2 * (drive_v[300:345] - drive_v[300])
+    time_s, steps_s = STEP_S * np.arange(n), np.full(n, STEP_S)
+    record = RecordEvidence(time_s, steps_s, drive_v, drive_v, shown_um - drive_v)
+    opens_s, closes_s = open_times(record, 1e-3)
+    np.testing.assert_allclose([opens_s, closes_s], [[3.0], [3.45]], atol=1.5 * STEP_S)
