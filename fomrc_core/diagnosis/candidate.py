@@ -81,6 +81,12 @@ class Candidate:
         return bool(np.any(self.fitted.model.columns.owned_by(self.cause)))
 
     @property
+    def n_parameters(self) -> int:
+        """Number of parameters it adds, weights of its own plays among them."""
+        model = self.fitted.model
+        return self.n_free + int(np.count_nonzero(model.weights[model.columns.owned_by(self.cause)]))
+
+    @property
     def total_gain(self) -> float:
         """Held-out gain, and for less the gain in training.
 

@@ -23,6 +23,7 @@ _RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of 
 _HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
 _FIRST_ITERATIONS, _MORE_ITERATIONS = 3, 6  # of all starts, and of those worth going on with
 _FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
+_LARGE = 0.5  # of the squared error is left by an effect beside which the plays must be chosen anew
 _SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
 
 
@@ -63,16 +64,24 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         least_um2: the least sum of squares of all causes after theirs [um^2]: one far above it goes no further.
     """
     first = begun.fits[0][0]
-    if not begun.is_bound and _foreseen(first) > _HOPELESS * max(least_um2, _noise_um2(present, split)):
+    foreseen = min(_foreseen(fitted) for fitted, _ in begun.fits)
+    if not begun.is_bound and foreseen > _HOPELESS * max(least_um2, _noise_um2(present, split)):
         return first if first.squared_error < present.squared_error else None
     fits = _further(present, split, begun)
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * present.squared_error:
         return None
+    if begun.is_bound:
+        # the forms of what befell single records differ little until the base no longer bends to it
+        followed = (_followed(way, split, present.squared_error) for way in fits)
+        return min(followed, key=lambda f: f.squared_error)
     best = _worth_its_parameters(fits, present, split)
-    # the forms of what befell single records differ little until the base no longer bends to it
-    ways = fits if begun.is_bound else [best]
-    followed = (_followed(way, split, present.squared_error) for way in ways)
-    return min(followed, key=lambda f: f.squared_error)
+    followed_best = _followed(best, split, present.squared_error)
+    near = [f for f in fits if f is not best and _foreseen(f) < _FAR_BEHIND * best.squared_error]
+    if best.squared_error > _LARGE * present.squared_error or followed_best is best or not near:
+        return followed_best
+    # plays that were chosen before a large effect leave more than one form of it does from another
+    ways = (followed_best, *(_followed(way, split, present.squared_error) for way in near))
+    return _worth_its_parameters([fit_until_still(way.model, split.train) for way in ways], present, split)
 
 
 def _worth_its_parameters(fits: list[Refit], present: PresentModel, split: DataSplit) -> Refit:
@@ -92,7 +101,7 @@ def _worth_its_parameters(fits: list[Refit], present: PresentModel, split: DataS
         return math.log(fitted.squared_error) + paid + rich
 
     best = min(fits, key=cost)
-    near = [f for f in fits if n_free(f) < n_free(best) and f.squared_error < _FAR_BEHIND * best.squared_error]
+    near = [f for f in fits if n_free(f) < n_free(best) and _foreseen(f) < _FAR_BEHIND * best.squared_error]
     return min((best, *(fit_until_still(f.model, split.train) for f in near)), key=cost)
 
 
@@ -114,11 +123,13 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
     begun_valleys: list[Refit] = []
     for first, given in begun.fits:
         error = first.squared_error
-        hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-        if error > hopeless:
-            break
         # of another form a few iterations say little
         alike = [other for other in begun_valleys if _form(other.model) == _form(first.model)]
+        hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
+        if not alike and _replaces_creep(first.model, begun.cause):
+            hopeless = math.inf  # a law in the place of the one that all else was fitted with begins far off
+        if _foreseen(first) > hopeless:
+            continue
         is_behind = bool(alike) and error > _FAR_BEHIND * alike[0].squared_error
         if is_behind and not begun.is_bound:
             continue
@@ -163,6 +174,10 @@ def _starts(
     return chosen
 
 
+def _replaces_creep(model: TrialModel, name: str) -> bool:
+    return any(effect.name == name and effect.replaces_creep for effect in model.effects)
+
+
 def _form(model: TrialModel) -> tuple[object, ...]:
     """Return what no fit changes of a model: the parameters that it moves, and what its effects have chosen."""
     return tuple(p.spec.name for p in free_parameters(model)), tuple(effect.form() for effect in model.effects)
@@ -179,7 +194,7 @@ def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: Data
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
     """Return the refit with plays chosen anew, where it moved much or not to the end."""
-    if fitted.squared_error > 0.5 * error and fitted.is_converged:
+    if fitted.squared_error > _LARGE * error and fitted.is_converged:
         return fitted
     again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
     return again if again.squared_error < fitted.squared_error else fitted

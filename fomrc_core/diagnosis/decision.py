@@ -46,9 +46,9 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
     )
 
 
-def is_no_wander(candidate: Candidate, split: DataSplit) -> bool:
-    """Return whether a candidate surely explains more than noise that wanders might."""
-    return gain_beyond_wander(candidate.fitted.model, candidate.cause, split) > SURE
+def is_no_wander(candidate: Candidate, split: DataSplit, cause: str = "") -> bool:
+    """Return whether a candidate surely explains more than noise that wanders might, or a cause in its model does."""
+    return gain_beyond_wander(candidate.fitted.model, cause or candidate.cause, split) > SURE
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
@@ -103,10 +103,10 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
         if cause_classes()[other.cause].generalizes == winner.cause:
             continue  # of course it does as well
         loss = n_effective * math.log(other.fitted.squared_error / winner.fitted.squared_error)
-        same_shape = len(other.held) == len(winner.held) and all(
-            a.size == b.size for a, b in zip(other.held, winner.held, strict=True)
-        )
-        if loss >= SURE or (same_shape and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE):
+        is_same_data = _is_same_data(winner, other)
+        if not is_same_data:
+            loss += 2.0 * _cost_of_parameters(winner, other, n_effective)
+        if loss >= SURE or (is_same_data and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE):
             continue
         if leaves_noise and _likelier_by(winner, other.fitted.residual, other.held, split) > SURE:
             continue
@@ -118,7 +118,8 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
     """Return by how much the winner is likelier than the next plausible candidate, in log likelihood [1].
 
     That nothing acts at all is a candidate as well. Training and held-out data speak together, each sample counted as
-    often as it is independent of its neighbours.
+    often as it is independent of its neighbours. Where the two were not scored on the same data training speaks alone,
+    and each parameter costs what it gains there by itself (Schwarz, 1978).
     """
     n_train = _n_effective(winner.fitted, split)
     n_held = sum(mine.size / autocorrelation_inflation(mine) for mine in winner.held)
@@ -127,13 +128,24 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
         if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
             continue
         gained = 0.5 * n_train * math.log(other.fitted.squared_error / winner.fitted.squared_error)
-        same_shape = len(other.held) == len(winner.held)
-        for mine, its in zip(winner.held, other.held, strict=False):
-            if same_shape and mine.size == its.size:
-                independent = mine.size / autocorrelation_inflation(mine)
-                gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
+        if not _is_same_data(winner, other):
+            margins.append(gained + _cost_of_parameters(winner, other, n_train))
+            continue
+        for mine, its in zip(winner.held, other.held, strict=True):
+            independent = mine.size / autocorrelation_inflation(mine)
+            gained += 0.5 * independent * math.log(float(its @ its) / float(mine @ mine))
         margins.append(gained)
     return min(margins)
+
+
+def _is_same_data(winner: Candidate, other: Candidate) -> bool:
+    """Return whether two candidates were scored on the same held-out data."""
+    return [mine.size for mine in winner.held] == [its.size for its in other.held]
+
+
+def _cost_of_parameters(winner: Candidate, other: Candidate, n_effective: float) -> float:
+    """Return what the other one's parameters gain more by themselves in training, in log likelihood [1]."""
+    return 0.5 * math.log(max(n_effective, 1.0)) * (other.n_parameters - winner.n_parameters)
 
 
 def whitened_margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:

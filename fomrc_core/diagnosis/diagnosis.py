@@ -86,8 +86,8 @@ class Diagnosis:
         thinning: how long records were thinned for the search, and what that loses; None where they were not.
         beyond_learned: held-out records whose drive goes beyond that of the training records: no model is judged by
             what hysteresis does there alone, and the errors told hold it.
-        stand_ins: accepted forms that another cause surely beats and that are no names for it: in the extended model
-            for what they gain, for something that is not known.
+        stand_ins: accepted forms that another cause surely beats, or whose parameters are no larger than their errors,
+            and that are no names for it: in the extended model for what they gain, for something that is not known.
     """
 
     status: Status
@@ -319,9 +319,10 @@ def _result(
     judgement = unless_inconstant(judgement, constant)
     findings = tuple(replace(finding, twice=constant.of_cause(finding.cause)) for finding in findings)
     everything = with_probabilities(findings, judgement)
-    beaten = {step.accepted.cause for step in steps if step.is_beaten}
-    findings = tuple(finding for finding in everything if finding.cause not in beaten)
-    status = judgement.status([finding.probability for finding in findings], bool(tied), bool(beaten))
+    unnamed_forms = {step.accepted.cause for step in steps if step.is_beaten}
+    unnamed_forms |= {finding.cause for finding in everything if finding.is_undetermined}
+    findings = tuple(finding for finding in everything if finding.cause not in unnamed_forms)
+    status = judgement.status([finding.probability for finding in findings], bool(tied), bool(unnamed_forms))
     tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
@@ -350,6 +351,6 @@ def _result(
         records=records,
         quoted_on=split.report[0].record.recording.name,
         unnamed=described,
-        stand_ins=tuple(finding for finding in everything if finding.cause in beaten),
+        stand_ins=tuple(finding for finding in everything if finding.cause in unnamed_forms),
         beyond_learned=split.beyond_learned,
     )

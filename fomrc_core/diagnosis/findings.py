@@ -15,12 +15,14 @@ from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.base.cause import Cause
+from fomrc_core.effects.base.effect import Effect
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.residual import normalised_percent, rms
 
 Values = Mapping[str, float | list[float]]
+_LEAST_ERRORS = 2.0  # standard errors a size must be: less happens one time in twenty where there is nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +62,32 @@ class Finding:
     def __str__(self) -> str:
         return self.sentence()
 
+    @property
+    def is_undetermined(self) -> bool:
+        """Whether the data do not tell its parameters from nothing.
+
+        All its sizes are less than two of their standard errors, or a time or another scale of it is not known to its
+        own size: a repair of what is left, by the form of a cause. Plays of its own are asked as a whole when they are
+        accepted, and the past of a record need not be known to act.
+        """
+        kind = cause_classes()[self.cause]
+        if not issubclass(kind, Effect) or kind.owns_columns:
+            return False
+        known = {name: (value, self.standard_errors.get(name)) for name, value in self.parameters.items()}
+        pairs = {n: (abs(v), e) for n, (v, e) in known.items() if isinstance(v, float) and v != 0.0 and e is not None}
+        sizes = [pairs[name] for name in kind.linear_parameters if name in pairs]
+        scales = [pairs[spec.name] for spec in kind.parameters if spec.is_log and spec.name in pairs]
+        is_no_size = bool(sizes) and all(value < _LEAST_ERRORS * error for value, error in sizes)
+        return is_no_size or (not kind.is_record_bound and any(error > value for value, error in scales))
+
     def sentence_of_stand_in(self) -> str:
         """Return in a line what is gained by a form that is no name."""
+        why = "another surely does better in its place, and is no finding either"
+        if self.is_undetermined:
+            why = "its parameters are no larger than their errors"
         return (
             f"not named: the form of {self.cause} follows what no cause explains, held-out error "
-            f"{self.nrmse_percent_test_before:.4g} % -> {self.nrmse_percent_test_after:.4g} %; another surely does "
-            "better in its place, and is no finding either"
+            f"{self.nrmse_percent_test_before:.4g} % -> {self.nrmse_percent_test_after:.4g} %; {why}"
         )
 
     def sentence(self) -> str:

@@ -19,14 +19,16 @@ from fomrc_core.diagnosis.remainder import Dependence
 _SIGNIFICANCE = 0.01  # of the hypothesis that nothing is left, for all tests together
 _NEGLIGIBLE_SHARE = 0.1  # of the noise's power: it raises an rms by 5 %, about what a noise floor is known to
 LARGEST_EXCESS = 1.2  # times the noise rms on held-out data, noise known apart from the model
-_LARGEST_EXCESS_FLEXIBLE = 1.1  # the same with a cause of dozens of weights: what a floor is known to, and no more
+# The same with a cause of dozens of weights: what a floor is known to, and no more. A floor that sees no slow noise is
+# no measure of it: there such a cause may leave no more than LARGEST_EXCESS times what it leaves where it was learned.
+_LARGEST_EXCESS_FLEXIBLE = 1.1
 LARGEST_EXCESS_ANYWHERE = 1.5  # the same in the worst of all records, of which each has few independent samples
 # Times the noise's power, of what weights learned from noise may err by: an estimate of it that is larger says that the
 # records are too short for their noise, and not that anything may be left.
 _LARGEST_LEARNING = 0.25
 # Times the noise from sample to sample: slow noise of a sensor (1 / f from the sample rate down) comes to two or three,
 # of one behind a filter to some more.
-_LARGEST_SLOW = 8.0
+LARGEST_SLOW = 8.0
 # Times what is left in training: noise is as large in every record, but for what grows with the displacement.
 _LARGEST_CARRYING = 2.0
 LEAST_BELIEVED = 0.5  # probability of a name: below, it is likelier wrong than right
@@ -147,15 +149,19 @@ def judge(
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
     if sees_slow_noise and worst_um > LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
-    if is_flexible and after_um > _LARGEST_EXCESS_FLEXIBLE * floor_um:
-        reasons.append(f"it is {after_um / floor_um:.2f} times the known noise, with a cause that bends to much else")
     carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
+    # a cause that bends to much else must leave what is known to be noise, or at least carry all that it learned
+    if is_flexible and sees_slow_noise and after_um > _LARGEST_EXCESS_FLEXIBLE * floor_um:
+        reasons.append(f"it is {after_um / floor_um:.2f} times the known noise, with a cause that bends to much else")
+    if is_flexible and not sees_slow_noise and after_um > LARGEST_EXCESS * carried_um:
+        times = f"{after_um / learned_um:.2f} times what is left of the data it was learned from"
+        reasons.append(f"it is {times}, with a cause that bends to much else")
     # also in a record that only chose among causes: what explains the one and not the other explains neither
     carried_to_um = max(after_um, worst_um)
     if carried_to_um > _LARGEST_CARRYING * carried_um:
         reasons.append(f"it is {carried_to_um / learned_um:.2f} times what is left of the data it was learned from")
         noise_um = max(floor_um, min(noise_um, carried_um))
-    if not sees_slow_noise and noise_um > _LARGEST_SLOW * floor_um:
+    if not sees_slow_noise and noise_um > LARGEST_SLOW * floor_um:
         reasons.append(
             f"it is {noise_um / floor_um:.1f} times the noise from sample to sample, and no repeat shows it to be noise"
         )

@@ -68,7 +68,6 @@ def looked_at_last(
         executor: runs refits side by side where given.
         is_hasty: whether only those are asked of which nobody was sure when they were accepted.
     """
-    held = held_residuals(final.model, split.held)
     found = frozenset(step.accepted.cause for step in steps)
     looked = [step.tied_but_for(found) for step in steps]
     for at, step in enumerate(steps):
@@ -84,16 +83,10 @@ def looked_at_last(
         if not final.model.has(name):
             continue
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
-        for other in () if is_bound else candidates:
-            if other.is_bound or not is_accepted(other, len(causes)) or sure_gain(final, other.fitted, split) <= SURE:
-                continue
-            if cause_classes()[other.cause].generalizes == name and not is_surely_better(other, own):
-                continue
-            if held_out_score(held, list(other.held)).log_gain > _BETTER:
-                return LastLook(tuple(steps), (at, other))
-        simpler = own if is_bound else simplest(own, candidates, split, len(causes))
-        if simpler is not own:
-            return LastLook(tuple(steps), (at, simpler))
+        # the first of such a pair is only compared: nothing takes its place
+        better = None if is_bound else _better(own, candidates, final, split, len(causes))
+        if better is not None:
+            return LastLook(tuple(steps), (at, better))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
         looked[at] = replace(
             step.tied_with(ties_of(own, candidates, split)),
@@ -101,6 +94,22 @@ def looked_at_last(
             whitened_margin=whitened_margin_of(own, [*candidates, *left_out], split),
         )
     return LastLook(tuple(looked), None)
+
+
+def _better(
+    own: Candidate, candidates: list[Candidate], final: Refit, split: DataSplit, n_causes: int
+) -> Candidate | None:
+    """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters."""
+    held = held_residuals(final.model, split.held)
+    for other in candidates:
+        if other.is_bound or not is_accepted(other, n_causes) or sure_gain(final, other.fitted, split) <= SURE:
+            continue
+        if cause_classes()[other.cause].generalizes == own.cause and not is_surely_better(other, own):
+            continue
+        if held_out_score(held, list(other.held)).log_gain > _BETTER:
+            return other
+    simpler = simplest(own, candidates, split, n_causes)
+    return None if simpler is own else simpler
 
 
 def _in_place_of(

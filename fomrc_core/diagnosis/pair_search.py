@@ -9,12 +9,12 @@ from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view,
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, sure_gain
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
+from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
-from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
@@ -48,9 +48,12 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate to accept, and the state with a first, where no one alone does.
 
     The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
-    may do worse than none on held-out data, that show more of the other.
+    may do worse than none on held-out data, that show more of the other. Where no test finds anything left that
+    follows the drive, two have nothing to explain either.
     """
     candidates = asked.candidates
+    if not candidates or nothing_is_left(asked.state.model, asked.split):
+        return None
     told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
@@ -142,7 +145,7 @@ def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
     if not first.is_bound:
         return replace(second, score=_score_of_pair(asked.state.model, second.fitted.model, asked.split))
     is_told = is_confirmed(second.fitted, asked.split, first.cause)
-    return second if is_told and gain_beyond_wander(second.fitted.model, first.cause, asked.split) > SURE else None
+    return second if is_told and is_no_wander(second, asked.split, first.cause) else None
 
 
 def _score_of_pair(before: TrialModel, pair: TrialModel, split: DataSplit) -> HeldOutScore:

@@ -176,14 +176,20 @@ def _with_finding(
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
-    if accepted.is_bound:
-        final = sought_again(final, split, accepted.cause, executor)
+    for name in sorted(_sought_again_beside(accepted, final.model)):
+        final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
     found = pruned(found, split, executor)
     if accepted.is_bound and found.steps and found.steps[-1].accepted is accepted:
         last = found.steps[-1].tied_with(still_tied(found.model, tied, split))
         found = replace(found, steps=(*found.steps[:-1], last))
     return found
+
+
+def _sought_again_beside(accepted: Candidate, model: TrialModel) -> set[str]:
+    """Return the causes of single records to seek anew: one just found, and those with times a fit does not move."""
+    timed = {cause.name for at, cause in model.found() if at is not None and cause.moved_times}
+    return timed | ({accepted.cause} if accepted.is_bound else set())
 
 
 def _better_rival(

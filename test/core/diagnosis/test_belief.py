@@ -39,9 +39,21 @@ def test_what_noise_that_wanders_hides_of_a_margin_the_whitened_one_tells() -> N
 def test_the_same_margin_says_more_where_noise_is_left() -> None:
     assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (0.0, 3.0, 30.0))
     assert _told(-30.0, _MORE) < 0.5 < _told(3000.0, _MORE)
+    gained = [_told(30.0, judgement) - _told(0.0, judgement) for judgement in (_NOISE, _MORE)]
+    assert gained[0] > gained[1] + 0.1, "of two models that are both wrong the likelier one says less"
+    # as far as a margin reaches, where a probability near one can gain no more
     gained = [_log_odds(_told(3000.0, judgement)) - _log_odds(_told(3.0, judgement)) for judgement in (_NOISE, _MORE)]
-    assert gained[0] > gained[1], "of two models that are both wrong the likelier one says less"
+    assert gained[0] > gained[1]
     assert _told(-30.0, _NOISE) < _told(-30.0, _MORE), "and the same of what another beats"
+
+
+def test_what_mends_little_may_mend_what_the_model_of_the_others_gets_wrong() -> None:
+    def told(after: float) -> float:
+        finding = Finding("thermal_drift", {}, {}, 1.0, after, 0.5, 1e-6, "", "", 100.0, 100.0)
+        return with_probabilities((finding,), _NOISE)[0].probability
+
+    assert told(1.0) < told(0.95) < told(0.8) < told(0.5) == told(1e-3)
+    assert told(0.95) < 0.9 < told(0.5), "no explanation rests on what mends a tenth of the power"
 
 
 def test_nothing_found_and_more_than_noise_left_is_most_likely_something_unknown() -> None:

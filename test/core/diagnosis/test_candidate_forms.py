@@ -76,3 +76,11 @@ def test_what_takes_the_place_of_the_power_law_creeps_as_it_does(order: float) -
         crept = law.run(law.initial_state(), np.ones(time_s.size), steps_s)
         assert np.max(np.abs(crept - wanted)) < 0.12 * (wanted[-1] - 1.0)
     assert CreepLaw.in_place_of_creep(0.0, 0.02, 60.0) == []
+
+
+def test_a_logarithm_that_begins_late_is_told_from_relaxations() -> None:
+    law = CreepLaw(per_decade=0.17, onset_s=0.4)
+    split, found = _found(law)
+    assert _law_of(found["creep_law"]).form() == law.form()
+    assert _law_of(found["creep_law"]).onset_s == pytest.approx(law.onset_s, rel=0.1)
+    assert found["creep_law"].fitted.squared_error < 1.1 * _NOISE_UM**2 * split.n_used

@@ -45,6 +45,18 @@ def test_a_suspect_answer_says_why_it_explains_nothing():
     assert of_rest.doubts([]) == (f"what is left is not noise: {of_rest.reasons[0]}",)
 
 
+def test_a_cause_that_bends_to_much_else_leaves_what_is_known_or_carries_all_it_learned():
+    def flexible(sees_slow_noise: bool, after_um: float, learned_um: float) -> bool:
+        of = judge(1.0, sees_slow_noise, 9.0, after_um, after_um, _NOTHING, learned_um=learned_um, is_flexible=True)
+        return of.is_noise
+
+    assert flexible(True, 1.05, 1.0)
+    assert not flexible(True, 1.15, 1.1), "more than the noise that is known"
+    # a floor that sees no slow noise is no measure of it: there it is asked to carry
+    assert flexible(False, 3.0, 2.8)
+    assert not flexible(False, 3.0, 2.3)
+
+
 @pytest.mark.parametrize(
     ("after_um", "worst_um", "tests", "said"),
     [

@@ -244,6 +244,19 @@ def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarra
     return decision.margin_of(found, [found], split), decision.whitened_margin_of(found, [found], split)
 
 
+def test_where_only_training_compares_two_each_parameter_costs(split: DataSplit) -> None:
+    past = replace(_contender(split, "initial_state", 4.0, 4.0), is_bound=True, held=(np.ones(100),))
+    few = _contender(split, "slow_relaxation", 4.01, 4.0, n_free=1)
+    many = _contender(split, "asymmetric_hysteresis", 4.01, 4.0, n_free=40)
+    margins = [decision.margin_of(past, [past, other], split) for other in (few, many)]
+    per_parameter = 0.5 * math.log(split.n_used)
+    assert margins[0] < 0.0 < margins[1]
+    assert margins[1] - margins[0] == pytest.approx(39 * per_parameter, rel=0.05)
+    # scored on the same data they are compared there
+    same = [replace(other, held=(np.ones(100),)) for other in (few, many)]
+    assert decision.margin_of(past, [past, same[0]], split) == decision.margin_of(past, [past, same[1]], split)
+
+
 def test_noise_that_wanders_hides_nothing_of_what_is_quick(split: DataSplit) -> None:
     n = split.train[0].time_s.size
     rng = np.random.default_rng(4)

@@ -1,0 +1,49 @@
+"""A form whose parameters the data do not tell from nothing is no name."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from fomrc_core.diagnosis.findings import Finding
+
+
+@pytest.mark.parametrize(
+    ("cause", "parameters", "errors", "is_undetermined"),
+    [
+        (
+            "second_mode",
+            {"frequency_hz": 0.2, "participation": 3e-4},
+            {"frequency_hz": 0.01, "participation": 2e-3},
+            True,
+        ),
+        (
+            "second_mode",
+            {"frequency_hz": 0.2, "participation": 0.3},
+            {"frequency_hz": 0.01, "participation": 2e-3},
+            False,
+        ),
+        # one of its terms is told
+        ("thermal_drift", {"um_per_s": 1e-3, "um_per_s2": 1e-5}, {"um_per_s": 1e-3, "um_per_s2": 1e-6}, False),
+        ("thermal_drift", {"um_per_s": 1e-3, "um_per_s2": 1e-7}, {"um_per_s": 1e-3, "um_per_s2": 1e-6}, True),
+        # a reach a thousandth of its error wide is that of creep in proportion
+        (
+            "amplitude_dependent_creep",
+            {"switched_per_decade": 0.01, "reach_um": 1e-9},
+            {"switched_per_decade": 6e-4, "reach_um": 1e-6},
+            True,
+        ),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 400.0}, True),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 4.0}, False),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": math.inf}, True),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {}, False),
+        # plays of its own, and a past that need not be known to act
+        ("asymmetric_hysteresis", {"warp_per_v": 1e-4}, {"warp_per_v": 1e-3}, False),
+        ("initial_state", {"extreme_v": 3.0, "held_s": 1e-9}, {"extreme_v": 0.1, "held_s": 1.0}, False),
+    ],
+)
+def test_sizes_within_their_errors_and_scales_not_known_to_their_size(cause, parameters, errors, is_undetermined):
+    finding = Finding(cause, parameters, errors, 2.0, 1.0, 0.5, 1e-6, "", "")
+    assert finding.is_undetermined is is_undetermined
+    assert ("no larger than their errors" in finding.sentence_of_stand_in()) is is_undetermined
