@@ -1,10 +1,12 @@
-"""Weights of the probability of a name, from hidden causes of the development seeds.
+"""Weights of the probability of a name, from the outcomes of a study whose seeds are not reported any more.
 
-    python test/hidden/study_calibration.py [--seeds 1] [--output calibration.json]
+    python test/hidden/study_calibration.py FOLDER [FOLDER ...]
 
-Every case is diagnosed, and a logistic regression (Platt, 1999; a ridge of one observation) of "the name is right" on
-the evidence of ``fomrc_core.diagnosis.belief`` is printed, with how often names of each probability were right in cases
-left out of the fit (five folds). The weights are written into belief.py by hand: a model is not learned in passing.
+FOLDER holds outcomes of the second world as ``study.py --part second`` writes them, a file each. A logistic regression
+(Platt, 1999) of "the name is right" on the evidence of ``fomrc_core.diagnosis.belief`` is printed, about the weights
+that stand there as prior knowledge worth so many names, with what it says of names in cases left out of the fit (ten
+folds), beside what the weights that stand say. They are written into belief.py by hand: a model is not learned in
+passing.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,100 +24,93 @@ from scipy.optimize import minimize
 if __package__ in (None, ""):
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from test.hidden import study_second, study_third
-from test.hidden.study_recording import recording_of
+from test.hidden.study_second_scores import accepted
 
-_GROUPS = ("null", "known", "new", "removed", "pairs", "triples")
-_GROUPS_OF_THIRD = ("null", "known", "pairs", "unknown", "forms")
-_FOLDS = 5
+_FOLDS = 10
+_PRIORS = (10.0, 30.0, 100.0)  # names that the weights before count as
+_EDGES = (0.0, 0.3, 0.6, 0.9, 1.01)
 
 
 def main() -> None:
-    """Collect, fit, print."""
+    """Read, fit, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--seeds", type=int, default=1, help="seeds for each kind of case")
-    parser.add_argument("--output", type=Path, default=Path("calibration.json"), help="file the rows are kept in")
+    parser.add_argument("folders", nargs="+", type=Path, help="folders of outcomes")
     options = parser.parse_args()
-    rows: list[dict[str, Any]] = json.loads(options.output.read_text()) if options.output.exists() else []
-    done = {row["key"] for row in rows}
-    specs: list[study_second.SecondSpec | study_third.ThirdSpec] = []
-    for group in _GROUPS:
-        specs += study_second.plan(group, "development", options.seeds)
-    for group in _GROUPS_OF_THIRD:
-        specs += study_third.plan(group, "development", options.seeds)
-    for spec in specs:
-        if spec.key not in done:
-            rows += _rows_of(spec)
-            options.output.write_text(json.dumps(rows, indent=1))
-    report([row for row in rows if row["evidence"] is not None])
+    files = sorted(file for folder in options.folders for file in folder.glob("second_*.json"))
+    report([json.loads(file.read_text(encoding="utf-8")) for file in files])
 
 
-def _rows_of(spec: study_second.SecondSpec | study_third.ThirdSpec) -> list[dict[str, Any]]:
-    """Return a row for each name given in a case, one without evidence where there is none."""
-    from fomrc_core.diagnosis.belief import evidence_of
-    from fomrc_core.diagnosis.diagnosis import diagnose
-    from fomrc_core.errors import RecordingError
-
-    recordings, model, excluded = _drawn(spec)
-    train, test, third = recordings
-    none: list[dict[str, Any]] = [{"key": spec.key, "evidence": None}]
-    try:
-        found = diagnose(train, test=test, report=third, model=model, excluded_causes=excluded)
-    except RecordingError as error:
-        print(spec.key, f"refused: {error}", flush=True)
-        return none
-    print(spec.key, found.status.value, [f.cause for f in found.findings], flush=True)
-    return [
-        {
-            "key": spec.key,
-            "cause": finding.cause,
-            "is_right": finding.cause in spec.causes and finding.cause not in excluded,
-            "evidence": list(evidence_of(finding, found.judgement)),
-            "status": found.status.value,
-        }
-        for finding in found.findings
-    ] or none
+def rows_of(outcomes: list[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the evidence of every name, whether it is right, and the number of its case, shapes (n, k), (n,), (n,)."""
+    evidence, is_right, case = [], [], []
+    for number, outcome in enumerate(outcomes):
+        right = accepted(outcome) - set(outcome["spec"]["excluded"])
+        for found in outcome["findings"]:
+            if "evidence" in found:
+                evidence.append(found["evidence"])
+                is_right.append(found["cause"] in right)
+                case.append(number)
+    return np.array(evidence, dtype=float), np.array(is_right, dtype=float), np.array(case)
 
 
-def _drawn(spec: study_second.SecondSpec | study_third.ThirdSpec) -> tuple[list[Any], Any, list[str]]:
-    """Return the three recordings of a case, the model that is handed over, and the causes not to try."""
-    from fomrc_core.model.causes import cause_classes
+def standing_weights() -> np.ndarray:
+    """Return intercept and weights as they stand in belief.py, shape (1 + n_evidence,)."""
+    from fomrc_core.diagnosis import belief
 
-    if isinstance(spec, study_third.ThirdSpec):
-        third = spec.draw()
-        recordings = [recording_of(record) for record in third.records]
-        return recordings, study_third.model_of(third, recordings[0]), []
-    second = spec.draw()
-    excluded = [cause for cause in spec.excluded if cause in cause_classes()]
-    return [recording_of(record) for record in second.records], study_second.model_of(second), excluded
+    return np.array([belief._INTERCEPT, *belief._WEIGHTS])
 
 
-def fitted(evidence: np.ndarray, is_right: np.ndarray) -> np.ndarray:
-    """Return intercept and weights of the logistic regression, shape (1 + n_evidence,)."""
+def fitted(evidence: np.ndarray, is_right: np.ndarray, about: np.ndarray, worth: float) -> np.ndarray:
+    """Return intercept and weights of the logistic regression, shape (1 + n_evidence,).
+
+    Args:
+        evidence: of each name, shape (n, n_evidence).
+        is_right: 1 where it is, shape (n,).
+        about: the weights before, shape (1 + n_evidence,).
+        worth: number of names they count as, by a ridge in units of the evidence's spread.
+    """
     columns = np.column_stack((np.ones(len(evidence)), evidence))
+    precision = worth * np.mean(columns**2, axis=0) * 0.25  # what so many names know where nobody knows anything
 
     def loss(weights: np.ndarray) -> float:
         odds = columns @ weights
-        return float(np.sum(np.logaddexp(0.0, odds) - is_right * odds) + 0.5 * np.sum(weights[1:] ** 2))
+        return float(
+            np.sum(np.logaddexp(0.0, odds) - is_right * odds) + 0.5 * np.sum(precision * (weights - about) ** 2)
+        )
 
-    return np.asarray(minimize(loss, np.zeros(columns.shape[1]), method="BFGS").x)
+    return np.asarray(minimize(loss, about, method="BFGS").x)
 
 
-def report(rows: list[dict[str, Any]]) -> None:
+def told_by(weights: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    """Return the probabilities that weights tell, shape (n,)."""
+    return np.asarray(1.0 / (1.0 + np.exp(-(weights[0] + evidence @ weights[1:]))))
+
+
+def report(outcomes: list[dict[str, Any]]) -> None:
     """Print the weights, and the reliability in folds left out."""
-    evidence = np.array([row["evidence"] for row in rows], dtype=float)
-    is_right = np.array([row["is_right"] for row in rows], dtype=float)
-    keys = sorted({row["key"] for row in rows})
-    fold = np.array([keys.index(row["key"]) % _FOLDS for row in rows])
-    print("weights", np.round(fitted(evidence, is_right), 3), "of", len(rows), "names")
-    told = np.zeros(len(rows))
-    for k in range(_FOLDS):
-        weights = fitted(evidence[fold != k], is_right[fold != k])
-        told[fold == k] = 1.0 / (1.0 + np.exp(-(weights[0] + evidence[fold == k] @ weights[1:])))
-    for low, high in ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9), (0.9, 1.01)):
+    evidence, is_right, case = rows_of(outcomes)
+    before = standing_weights()
+    print(
+        f"{len(is_right)} names in {len(set(case))} of {len(outcomes)} cases, {100.0 * np.mean(is_right):.0f} % right"
+    )
+    _print_reliability("as they stand", told_by(before, evidence), is_right)
+    for worth in _PRIORS:
+        told = np.zeros(len(is_right))
+        for k in range(_FOLDS):
+            is_out = case % _FOLDS == k
+            told[is_out] = told_by(fitted(evidence[~is_out], is_right[~is_out], before, worth), evidence[is_out])
+        weights = ", ".join(f"{w:.3f}" for w in fitted(evidence, is_right, before, worth))
+        _print_reliability(f"prior worth {worth:.0f} names: {weights}", told, is_right)
+
+
+def _print_reliability(title: str, told: np.ndarray, is_right: np.ndarray) -> None:
+    mean = float(np.mean(is_right * np.log(told) + (1.0 - is_right) * np.log1p(-told)))
+    print(f"{title}\n  mean logarithm of what is told of the truth {mean:.4f}")
+    for low, high in pairwise(_EDGES):
         inside = (told >= low) & (told < high)
-        share = float(np.mean(is_right[inside])) if np.any(inside) else float("nan")
-        print(f"told {low:.1f} to {min(high, 1.0):.1f}: {np.count_nonzero(inside)} names, {100.0 * share:.0f} % right")
+        if np.any(inside):
+            share = 100.0 * float(np.mean(is_right[inside]))
+            print(f"  told {low:.1f} to {min(high, 1.0):.1f}: {np.count_nonzero(inside)} names, {share:.0f} % right")
 
 
 if __name__ == "__main__":
