@@ -13,17 +13,18 @@ from test.hidden.study_second import SecondSpec
 from test.hidden.study_second_parameters import second_parameter_error
 
 
-def _parameter_error_of(cause: str, seed: int, group: str) -> float:
-    """Return the relative error of the main parameter of the one cause that is found, and explains."""
+def _parameter_error_of(cause: str, seed: int, group: str) -> float | None:
+    """Return the relative error of the main parameter of the one cause that is found, and explains.
+
+    None where truth and product have no parameter in common, as of an opened lead.
+    """
     case = SecondSpec(group, seed, (cause,)).draw()
     train, test, report = (recording_of(record) for record in case.records)
     found = diagnose(train, test=test, report=report)
     assert [finding.cause for finding in found.findings] == [cause], str(found)
     assert found.status.value == "explained", str(found)
     (finding,) = found.findings
-    error = second_parameter_error(cause, case.parameters[cause], dict(finding.parameters), case)
-    assert error is not None
-    return error
+    return second_parameter_error(cause, case.parameters[cause], dict(finding.parameters), case)
 
 
 @pytest.mark.parametrize(
@@ -40,4 +41,6 @@ def _parameter_error_of(cause: str, seed: int, group: str) -> float:
     ],
 )
 def test_it_is_named_explained_and_measured(cause: str, seed: int, group: str) -> None:
-    assert _parameter_error_of(cause, seed, group) < 0.1
+    error = _parameter_error_of(cause, seed, group)
+    assert (error is None) == (cause in ("creep_law", "intermittent_contact"))
+    assert error is None or error < 0.1
