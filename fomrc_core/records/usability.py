@@ -17,9 +17,10 @@ from fomrc_core.records.recording import Recording
 N_SAMPLES_MIN = 100
 LONGEST_GAP_STEPS = 20.0
 SAMPLE_PERIOD_S = (1e-7, 100.0)
-# From below a shear plate of lithium niobate, 2e-5 um/V, to above any bender. Metres taken for micrometres are beyond
-# it; what is nearer and still odd is asked about where a command is given it (``plausibility``).
-GAIN_UM_PER_V = (1e-5, 1e4)
+# From below a shear plate of lithium niobate, 2e-5 um/V, to above a stage of 20 mm at 1 V either way that creeps and
+# drifts. Metres taken for micrometres are beyond it; what is nearer and still odd is asked about where a command is
+# given it (``plausibility``).
+GAIN_UM_PER_V = (1e-5, 2e4)
 
 # A sensor at the end of its range gives one reading for a stretch of samples while the voltage goes on.
 _N_CLIPPED_MIN = 20
