@@ -66,6 +66,7 @@ def test_a_stage_that_moves_less_is_noticed_and_named(tmp_path, probe, start, sp
         if longest_s < _HELD_UP_S or attempt == _ATTEMPTS - 1:
             break
         assert watch.stop() == 0
+        drive_for(1.0)  # what it said last is heard before the next one is waited for
     probe.subscribe(String, f"{watch.name}/changes", lambda _, m: told.append(json.loads(m.data)), LATCHED)
     probe.until(lambda: told, "what has changed so far")
     assert probe.levels[watch.name] == DiagnosticStatus.OK, probe.messages[watch.name]
