@@ -63,8 +63,8 @@ def evidence_of(finding: Finding, judgement: Judgement) -> tuple[float, ...]:
     The logarithm of one more than either margin, with the margin's sign (of two models that are both wrong the likelier
     one says less of a cause, but a name that another surely beats is not the cause), whether what is left is noise and
     the causes are the same in held-out data, and the first logarithm again where it is: numbers without a unit. A cause
-    that has an equal has no margin. Last, by how much less than enough the power left falls
-    where the cause is taken in.
+    that has an equal has no margin. Last, by how much less than enough the
+    power left falls where the cause is taken in.
     """
     margin, is_noise = _logarithm(finding.margin, _ENOUGH_MARGIN), float(judgement.is_noise)
     whitened = _logarithm(finding.whitened_margin, _ENOUGH_WHITENED)

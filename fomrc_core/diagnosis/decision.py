@@ -80,7 +80,7 @@ def is_surely_better(other: Candidate, winner: Candidate) -> bool:
 
     In training it cannot do worse, whatever the truth; only data it was not fitted to speak for what it adds.
     """
-    if [a.size for a in other.held] != [b.size for b in winner.held]:
+    if not _is_same_data(winner, other):
         return False
     added = held_out_score(list(winner.held), list(other.held))
     return added.p_value < _SIGNIFICANCE and added.is_worthwhile()

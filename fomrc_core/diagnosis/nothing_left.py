@@ -12,6 +12,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.judgement import LARGEST_SLOW
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
+from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 
 _DOUBTFUL = 0.05  # of the hypothesis that nothing is left, for all tests together: a doubt is enough to go on
@@ -40,6 +41,5 @@ def nothing_is_left(model: TrialModel, split: DataSplit) -> bool:
 def _driven(model: TrialModel, part: HeldOut) -> DrivenRecord:
     record = part.record
     predicted_um = predict(model, record, part.index)
-    residual_um = record.measured_um - predicted_um
-    residual_um = residual_um - np.mean(residual_um[record.is_used])
+    residual_um = centred(record.measured_um - predicted_um, record.is_used)
     return DrivenRecord(record.time_s, record.voltage_v, predicted_um, residual_um, record.is_used)

