@@ -74,6 +74,10 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         # the forms of what befell single records differ little until the base no longer bends to it
         followed = (_followed(way, split, present.squared_error) for way in fits)
         return min(followed, key=lambda f: f.squared_error)
+    closest = min(fits, key=lambda f: f.squared_error)
+    if closest.squared_error > _FAR_BEHIND * max(least_um2, _noise_um2(present, split)):
+        # whichever form of it is the right one, another cause left less when it had only begun
+        return _followed(closest, split, present.squared_error)
     best = _worth_its_parameters(fits, present, split)
     followed_best = _followed(best, split, present.squared_error)
     near = [f for f in fits if f is not best and _foreseen(f) < _FAR_BEHIND * best.squared_error]

@@ -20,6 +20,7 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
 
 _SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
+_MOST_BESIDE = 2  # findings beside which a pair is sought where no one cause gains
 _MOST_FIRSTS = 2  # tried with a second beside them: each costs a round
 
 
@@ -49,10 +50,11 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
 
     The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
     may do worse than none on held-out data, that show more of the other. Where no test finds anything left that
-    follows the drive, two have nothing to explain either.
+    follows the drive, two have nothing to explain either. Beside as many as a pair already, two more would be told from
+    a record that tells no one more.
     """
     candidates = asked.candidates
-    if not candidates or nothing_is_left(asked.state.model, asked.split):
+    if not candidates or len(asked.state.steps) >= _MOST_BESIDE or nothing_is_left(asked.state.model, asked.split):
         return None
     told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]

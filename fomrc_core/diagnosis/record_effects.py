@@ -30,7 +30,9 @@ _MAX_STARTS = 3  # of them fitted
 def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
     """Return the model with the effects of single records fitted to the held-out records too, on half their blocks.
 
-    The actuator's own parameters stay; phase of a hum or time of a load must be that of the record.
+    The actuator's own parameters stay; phase of a hum or time of a load must be that of the record. What begins and
+    ends within a block, as an open lead does, leaves nothing in the others: such times are sought in all of them, and
+    each must earn its keep there.
     """
     kinds = {cause.name for index in range(len(split.train)) for _, cause in model.found(index)}
     if not kinds:
@@ -39,7 +41,9 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
         if part.index < len(split.train):
             continue
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
-        model = fit_one_record(model, one, part.index, kinds)
+        timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
+        model = fit_one_record(model, one, part.index, kinds - timed)
+        model = fit_one_record(model, part.record, part.index, timed)
     return model
 
 
@@ -52,7 +56,8 @@ def refollowed(model: TrialModel, split: DataSplit) -> TrialModel:
         if not len(split.train) <= part.index < len(model.record_effects) or not model.record_effects[part.index]:
             continue
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
-        model = model.with_record_of(_refit_own(model.alone(part.index), one), part.index)
+        kinds = {cause.name for cause in model.record_effects[part.index] if not cause.moved_times}
+        model = model.with_record_of(_refit_own(model.alone(part.index), one, kinds), part.index)
     return model
 
 
@@ -90,13 +95,13 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         if pasts:
             pasts += _others(model, index, pasts[0].resting_v)
             start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
-            alone = min((alone, _refit_own(start, record)), key=lambda option: _error(option, record))
+            alone = min((alone, _refit_own(start, record, kinds)), key=lambda option: _error(option, record))
             continue
         # a signature is the effect's slope; how well an instance of full size does only its simulation tells
         options = [alone.with_cause(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
         options.sort(key=lambda option: _error(option, record))
         starts = [*options[:_MAX_STARTS], *(alone.with_cause(cause, 0) for cause in known)]
-        fits = [_refit_own(start, record) for start in starts]
+        fits = [_refit_own(start, record, kinds) for start in starts]
         alone = with_times_moved(min((alone, *fits), key=lambda option: _error(option, record)), record, 0)
     return model.with_record_of(alone, index)
 
@@ -120,7 +125,7 @@ def _error(model: TrialModel, record: FitRecord) -> float:
     return squared_error((record,), residuals(model, (record,)))
 
 
-def _refit_own(model: TrialModel, record: FitRecord) -> TrialModel:
-    free = tuple(p for p in free_parameters(model) if p.index == 0)
+def _refit_own(model: TrialModel, record: FitRecord, kinds: set[str]) -> TrialModel:
+    free = tuple(p for p in free_parameters(model) if p.index == 0 and p.cause in kinds)
     held = Tangent.none(model, (record,))
     return refit(model, (record,), held, n_iterations=8, free=free).model

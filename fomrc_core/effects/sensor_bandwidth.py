@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -67,24 +68,25 @@ class SensorBandwidth(Effect):
 
     def initial_state(self) -> Array:
         """Return (input [um] of the step before, then both parts of each pole's mode), at rest."""
-        return pairs_at_rest(len(self._modes()[0]))
+        return pairs_at_rest(len(self._modes[0]))
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the filtered displacement [um], shape (n_samples,)."""
         out = np.empty(values.size)
-        poles, gains = self._modes()
+        poles, gains = self._modes
         run_pairs(state, poles, gains, values, steps_s, out)
         return out
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        return pairs_form(*self._modes())
+        return pairs_form(*self._modes)
 
     def kin(self) -> dict[str, dict[str, float]]:
         """Return the delay that lags as much where all is slow: many poles are one (Pade)."""
-        poles, gains = (values[:, 0] + 1j * values[:, 1] for values in self._modes())
+        poles, gains = (values[:, 0] + 1j * values[:, 1] for values in self._modes)
         return {"transport_delay": {"delay_s": -float(np.sum((gains / poles).real))}}
 
+    @cached_property
     def _modes(self) -> tuple[Array, Array]:
         modes = stage_modes if self.in_stages else butterworth_modes
         return modes(2.0 * np.pi * self.cutoff_hz, int(self.n_poles))

@@ -35,17 +35,21 @@ def _run_capacitance(
     output, before = state[0], state[1]
     for k in range(values.size):
         step, now = steps_s[k], values[k]
-        ratio = step / (time_constant_s * _capacitance(output, per_v))
-        reach = max(abs(before - output), abs(now - output)) * min(1.0, ratio)
-        n_parts = int(min(1.0 + abs(per_v) * reach / _BEND, _MOST_PARTS))
-        part, rise = step / n_parts, (now - before) / n_parts
-        for j in range(n_parts):
-            first, last = before + j * rise, before + (j + 1) * rise
-            if n_parts > 1:
-                ratio = part / (time_constant_s * _capacitance(output, per_v))
-            middle = output + 0.5 * ratio * (0.5 * (first + last) - output) / (1.0 + 0.5 * ratio)
-            decay, ramp = lag_weights(part / (time_constant_s * _capacitance(middle, per_v)))
-            output = decay * output + (1.0 - decay - ramp) * first + ramp * last
+        lag_s = time_constant_s * _capacitance(output, per_v)
+        bends = abs(per_v) * max(abs(before - output), abs(now - output))
+        if bends * min(lag_s, step) < _BEND * lag_s:  # as nearly always: one part, and no division to find that
+            middle = output + step * (0.5 * (before + now) - output) / (2.0 * lag_s + step)
+            decay, ramp = lag_weights(step / (time_constant_s * _capacitance(middle, per_v)))
+            output = decay * output + (1.0 - decay - ramp) * before + ramp * now
+        else:
+            n_parts = int(min(1.0 + bends * min(1.0, step / lag_s) / _BEND, _MOST_PARTS))
+            part, rise = step / n_parts, (now - before) / n_parts
+            for j in range(n_parts):
+                first, last = before + j * rise, before + (j + 1) * rise
+                lag_s = time_constant_s * _capacitance(output, per_v)
+                middle = output + part * (0.5 * (first + last) - output) / (2.0 * lag_s + part)
+                decay, ramp = lag_weights(part / (time_constant_s * _capacitance(middle, per_v)))
+                output = decay * output + (1.0 - decay - ramp) * first + ramp * last
         before = now
         out[k] = output
     state[0], state[1] = output, before

@@ -76,7 +76,8 @@ def _begin_of_level(measured_um: Array, moved_um: Array, end: int, reach_um: flo
     total, n, farthest_um = 0.0, 0, 0.0
     for k in range(end - 1, -1, -1):
         farthest_um = max(farthest_um, abs(moved_um[k] - moved_um[end - 1]))
-        if n and abs(measured_um[k] - total / n) > reach_um + _GOES_ON * farthest_um:
+        # the mean of a few errs as much as a reading does
+        if n and abs(measured_um[k] - total / n) > reach_um * np.sqrt(1.0 + 1.0 / n) + _GOES_ON * farthest_um:
             return k + 1
         total, n = total + measured_um[k], n + 1
     return 0

@@ -11,7 +11,7 @@ from fomrc_core.errors import RecordingError
 from fomrc_core.records.quality.clock import clock_faults
 from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, recurring_step_um
 from fomrc_core.records.quality.drive_part import drive_part
-from fomrc_core.records.quality.excursions import N_BURST_MAX, Surroundings, find_excursions
+from fomrc_core.records.quality.excursions import Surroundings, find_excursions
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.noisy_drive import drive_noise_v, smoothed_drive_v
 from fomrc_core.records.recording import Recording
@@ -19,6 +19,8 @@ from fomrc_core.records.recording import Recording
 _N_PASSES = 8  # excursions beside each other hide each other until the larger one is gone
 _MASKED_SHARE_MAX = 0.1  # of a record: where more is wrong with it nobody knows what of it is right
 _N_SAMPLES_MIN = 32
+_N_STOOD = 2  # steps before a burst: of a reading that came twice there is one
+_CREEPS = 0.1  # of what a stage that stands has missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +120,12 @@ def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[Da
 
 
 def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: float) -> Mask:
-    """Return which samples of bursts stand where the readings before the burst have stood for as long and longer.
+    """Return which samples of bursts stand where the readings before the burst stood already.
 
     It is the model that has moved away there: where a stage misses what its drive does, the last readings before it
     comes back lie farthest from the model, and those before them lie ever farther. A spike leaves the reading before
-    it; a reading that came twice, as where a reader or a voltage was late, has not stood while the model moved.
+    it; a reading that came twice, as where a reader or a voltage was late, has not stood while the model moved. What
+    stands creeps by a small share of what it missed.
 
     Args:
         readings_um: of the record [um], shape (n_samples,).
@@ -133,10 +136,13 @@ def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: f
     stand = np.zeros(is_spike.size, dtype=np.bool_)
     edges = np.flatnonzero(np.diff(is_spike.astype(np.int8), prepend=0, append=0))
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        since = first - 1 - N_BURST_MAX
-        if since < 0 or abs(left_um[first - 1] - left_um[since]) <= floor_um:
+        since = first - 1 - _N_STOOD
+        if since < 0:
             continue
-        stand[first:stop] = np.all(np.abs(readings_um[since:stop] - readings_um[first - 1]) <= floor_um)
+        missed_um = abs(left_um[first - 1] - left_um[since])
+        reach_um = max(floor_um, _CREEPS * missed_um)
+        is_standing = np.all(np.abs(readings_um[since:stop] - readings_um[first - 1]) <= reach_um)
+        stand[first:stop] = missed_um > floor_um and is_standing
     return stand
 
 
