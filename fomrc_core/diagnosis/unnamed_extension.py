@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
+from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
-from fomrc_core.diagnosis.extended_model import is_no_worse, least_slope
+from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.terms_fit import fitted_beside
 from fomrc_core.effects import Covariate, Effect, effect_classes
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.linear_part import centred, order_slope, record_columns
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.residual import rms
@@ -110,23 +109,19 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         chosen = _chosen(learned, _rows(model, offered, split.held), n_linear)
         if not chosen:
             break
+        solution = learned.of(_places(chosen, n_linear)).solution()
         try:
-            extended = _fitted(model, offered, chosen, learned)
+            beside = _with_terms(model, offered, chosen, solution[n_linear:])
         except ParameterError:
             break  # weights beyond all bounds: the records do not tell the terms from what plays and creep can do
+        extended = fitted_beside(beside, split.train)
         if extended is None:
             break
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
         if not error < least:
             break
         best, least = extended, error
-        solution = learned.of(_places(chosen, n_linear)).solution()
-        try:
-            beside = _with_terms(model, offered, chosen, solution[n_linear:])
-        except ParameterError:
-            break
-        again = refit(rebased(beside, split.train), split.train, free=()).model
-        model = replace(again, effects=model.effects)
+        model = replace(extended, effects=model.effects)
     return best
 
 
@@ -244,26 +239,3 @@ def _with_terms(model: TrialModel, offered: Sequence[Effect], chosen: list[int],
             model = model.with_cause(effect.with_terms([chosen[n] - first for n in own], weights_um[own]))
         first += effect.n_terms
     return model
-
-
-def _fitted(
-    model: TrialModel, offered: Sequence[Effect], chosen: list[int], learned: NormalEquations
-) -> TrialModel | None:
-    """Return the model with the terms, weights of elements not negative, its creep order as it is; None without any."""
-    n_columns = model.weights.size
-    n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
-    equations = learned.of(np.r_[np.arange(n_columns), _places(chosen, n_linear)[n_linear:]])
-    # what the model has already, put back: it is the whole weights that must not be negative
-    moment = equations.moment + equations.gram[:, :n_columns] @ model.weights
-    is_positive = np.r_[model.columns.is_plain, np.zeros(len(chosen), dtype=np.bool_)]
-    weights = signed_weights(equations.gram, moment, is_positive)
-    plain = model.columns.is_plain
-    is_slope = plain & (model.columns.thresholds_v == 0.0)
-    of_plays = weights[:n_columns]
-    if not float(np.sum(of_plays[plain])) > 0.0:
-        return None  # terms that leave nothing to the actuator
-    if not float(np.sum(of_plays[is_slope])) > 0.0:
-        of_plays[is_slope] = least_slope(of_plays[plain])
-    kept = ~plain | is_slope | (of_plays > 0.0)
-    extended = _with_terms(model, offered, chosen, weights[n_columns:])
-    return replace(extended, columns=model.columns.chosen(kept), weights=of_plays[kept])

@@ -243,6 +243,10 @@ class Effect(Cause):
         """Return the effect of some of the terms, with these weights [um]."""
         return self
 
+    def weight_of_span(self) -> float:
+        """Return the weight with which a term of size one moves as much as what it acts on, in the unit of weights."""
+        return 1.0
+
     def words(self) -> str:
         """Return what the terms depend on, in words with "; on " between, the weightiest first; "" where none are."""
         return ""
