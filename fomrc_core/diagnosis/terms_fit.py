@@ -29,6 +29,8 @@ _MOST_STEPS = 6
 _MOST_HALVINGS = 4
 _LEAST_GAIN = 1e-3  # of the squared error: less is not worth another step
 _LONGEST_ORDER_STEP = 0.05  # far from the answer a linear step in the order overshoots
+_LOG_DIFFERENCE = 1e-3  # of a memory's logarithm
+_LONGEST_LOG_STEP = 0.5  # a slope says nothing of a rate several times as fast
 _SHARE_OF_DIFFERENCE = 1e-4  # of the span a term may move: far above rounding, far below what bends
 
 
@@ -80,7 +82,7 @@ def _descended(model: TrialModel, records: tuple[FitRecord, ...]) -> TrialModel:
         there = _best_about(model, records)
         if there is None:
             break
-        here = (model.weights, np.array([model.creep_order]), *(_weights(e) for e in terms_in(model)))
+        here = (model.weights, np.array([model.creep_order]), *(_numbers(e) for e in terms_in(model)))
         found, share = None, 1.0
         for _ in range(_MOST_HALVINGS):
             mixed = [a + share * (b - a) for a, b in zip(here, there, strict=True)]
@@ -103,8 +105,14 @@ def _descended(model: TrialModel, records: tuple[FitRecord, ...]) -> TrialModel:
     return model if cleaned is None else cleaned
 
 
-def _weights(effect: Effect) -> Array:
-    return np.array(getattr(effect, effect.main_parameter))
+def _numbers(effect: Effect) -> Array:
+    """Return what is fitted of an effect: the weights of its terms, then the logarithms of its memory."""
+    return np.concatenate((getattr(effect, effect.main_parameter), effect.memory()))
+
+
+def _with_numbers(effect: Effect, numbers: Array) -> Effect:
+    n_terms = effect.n_terms
+    return effect.with_terms(range(n_terms), numbers[:n_terms]).with_memory(numbers[n_terms:])
 
 
 def _with(model: TrialModel, parts: Sequence[Array]) -> TrialModel:
@@ -112,7 +120,7 @@ def _with(model: TrialModel, parts: Sequence[Array]) -> TrialModel:
     weights, order, *of_terms = parts
     changed = replace(model, weights=weights, creep_order=float(order[0]))
     for effect, own in zip(terms_in(model), of_terms, strict=True):
-        changed = changed.with_cause(effect.with_terms(range(effect.n_terms), own))
+        changed = changed.with_cause(_with_numbers(effect, own))
     return changed
 
 
@@ -126,12 +134,12 @@ def _best_about(model: TrialModel, records: tuple[FitRecord, ...]) -> list[Array
         columns = [record_columns(model, record, index)]
         if n_order:
             columns.append(order_slope(model, record, index)[:, None])
-        columns += [term_directions(model, effect, record, index, moved_um) for effect in effects]
+        columns += [term_directions(model, effect, record, index) for effect in effects]
         left = centred(record.measured_um - moved_um, record.is_used)
         return centred(np.column_stack(columns), record.is_used), left, record.is_used
 
     equations = normal_equations(rows(i, r) for i, r in enumerate(records))
-    of_terms = [_weights(effect) for effect in effects]
+    of_terms = [_numbers(effect) for effect in effects]
     # what the model has already, put back: it is the whole weights that must not be negative
     present = np.concatenate((model.weights, np.zeros(n_order), *of_terms))
     is_positive = np.zeros(present.size, dtype=np.bool_)
@@ -141,27 +149,34 @@ def _best_about(model: TrialModel, records: tuple[FitRecord, ...]) -> list[Array
         return None
     change = float(np.clip(best[n_columns], -_LONGEST_ORDER_STEP, _LONGEST_ORDER_STEP)) if n_order else 0.0
     order = float(np.clip(model.creep_order + change, MIN_ORDER, MAX_ORDER))
+    found = [best[:n_columns], np.array([order])]
     ends = np.cumsum([n_columns + n_order, *(w.size for w in of_terms)])
-    return [best[:n_columns], np.array([order]), *(best[a:b] for a, b in zip(ends, ends[1:], strict=False))]
+    for effect, now, first, end in zip(effects, of_terms, ends, ends[1:], strict=False):
+        n_terms = effect.n_terms
+        turn = np.clip(best[first + n_terms : end] - now[n_terms:], -_LONGEST_LOG_STEP, _LONGEST_LOG_STEP)
+        found.append(np.concatenate((best[first : first + n_terms], now[n_terms:] + turn)))
+    return found
 
 
-def term_directions(
-    model: TrialModel, effect: Effect, record: FitRecord, index: int, moved_um: Array
-) -> Array:
-    """Return the displacement per unit weight of each term, by differences, shape (n_samples, n_terms).
+def term_directions(model: TrialModel, effect: Effect, record: FitRecord, index: int) -> Array:
+    """Return the displacement per unit of each weight and each logarithm of the memory, by differences.
+
+    Shape (n_samples, n_numbers).
 
     Args:
         model: without the effect, or with other weights of it.
-        effect: the terms, with the weights about which.
+        effect: the terms, with the numbers about which.
         record: the record.
         index: which record it is.
-        moved_um: displacement of the model with the effect as it is [um], shape (n_samples,).
     """
-    columns = np.empty((moved_um.size, effect.n_terms))
-    weights, size = _weights(effect), effect.weight_of_span() * _SHARE_OF_DIFFERENCE
-    for k in range(effect.n_terms):
-        other = weights.copy()
+    numbers = _numbers(effect)
+    sizes = np.full(numbers.size, _LOG_DIFFERENCE)
+    sizes[: effect.n_terms] = effect.weight_of_span() * _SHARE_OF_DIFFERENCE
+    here = predict(model.with_cause(effect), record, index, is_coarse=True)
+    columns = np.empty((here.size, numbers.size))
+    for k, size in enumerate(sizes):
+        other = numbers.copy()
         other[k] += size
-        changed = model.with_cause(effect.with_terms(range(effect.n_terms), other))
-        columns[:, k] = (predict(changed, record, index) - moved_um) / size
+        there = predict(model.with_cause(_with_numbers(effect, other)), record, index, is_coarse=True)
+        columns[:, k] = (there - here) / size
     return columns

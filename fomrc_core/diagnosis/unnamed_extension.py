@@ -18,8 +18,9 @@ from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
-from fomrc_core.diagnosis.terms_fit import fitted_beside
-from fomrc_core.effects import Covariate, Effect, effect_classes
+from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
+from fomrc_core.effects import Covariate, Effect, Stage, effect_classes
+from fomrc_core.effects.base.linear_terms import LinearTerms
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
@@ -106,7 +107,7 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
     for _ in range(_MOST_TURNS):
         learned = _equations(model, offered, [HeldOut(r, i) for i, r in enumerate(split.train)])
         n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
-        chosen = _chosen(learned, _rows(model, offered, split.held), n_linear)
+        chosen = _chosen(learned, _rows(model, offered, split.held), n_linear, _sets(offered))
         if not chosen:
             break
         solution = learned.of(_places(chosen, n_linear)).solution()
@@ -181,6 +182,10 @@ def _rows(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]
 def _terms(
     model: TrialModel, offered: Effect, record: FitRecord, index: int, moved_um: Array, at: NDArray[np.int64]
 ) -> Array:
+    if offered.stage < Stage.MECHANICAL:
+        # what it does the displacement shows behind hysteresis and creep alone
+        nothing = offered.with_terms(range(offered.n_terms), np.zeros(offered.n_terms))
+        return term_directions(model, nothing, record, index)[at, : offered.n_terms]
     columns = []
     covariate = record.covariates.of(offered.covariate)
     for k in range(offered.n_terms):
@@ -197,25 +202,64 @@ def _equations(model: TrialModel, offered: Sequence[Effect], parts: Sequence[Hel
     return normal_equations((c, y, np.ones(y.size, dtype=np.bool_)) for c, y in rows)
 
 
-def _chosen(learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int) -> list[int]:
-    """Return the terms that stay: as few as do about as well on held-out data as the best number of them."""
+def _chosen(
+    learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int, among: Sequence[NDArray[np.int64]]
+) -> list[int]:
+    """Return the terms that stay: as few as do about as well on held-out data as the best number of them.
+
+    Args:
+        learned: equations of training.
+        held: columns and target of held-out stretches.
+        n_linear: number of columns before the terms.
+        among: sets of terms to choose from; of what is chosen from each, held-out data say which does best.
+    """
     # beside the terms the weights of the plays and the creep order may move: what they can do is no term's
     beside = learned.without(n_linear)
+    found = [_chosen_among(beside, learned, held, n_linear, offered) for offered in among]
+    return min(found, key=lambda each: each[1])[0]
+
+
+def _chosen_among(
+    beside: NormalEquations,
+    learned: NormalEquations,
+    held: list[tuple[Array, Array]],
+    n_linear: int,
+    offered: NDArray[np.int64],
+) -> tuple[list[int], float]:
     order: list[int] = []
     left = [_left(learned, held, n_linear, order)]
-    n_offered = beside.moment.size
-    for _ in range(min(_MOST_TERMS, n_offered)):
+    for _ in range(min(_MOST_TERMS, offered.size)):
         before = beside.of(np.array(order, dtype=np.int64)).explained if order else 0.0
-        gains = [beside.of(np.array([*order, k])).explained if k not in order else before for k in range(n_offered)]
+        gains = [beside.of(np.array([*order, k])).explained if k not in order else before for k in offered]
         best = int(np.argmax(gains))
         if not gains[best] > before:
             break
-        order.append(best)
+        order.append(int(offered[best]))
         left.append(_left(learned, held, n_linear, order))
     errors = [sum(float(v @ v) for v in residuals) for residuals in left]
     best = int(np.argmin(errors))
     enough = errors[best] * np.exp(WORTHWHILE_LOG_GAIN)
-    return order[: next(n for n in range(best + 1) if n == best or errors[n] <= enough)]
+    n_terms = next(n for n in range(best + 1) if n == best or errors[n] <= enough)
+    return order[:n_terms], errors[n_terms]
+
+
+def _sets(offered: Sequence[Effect]) -> list[NDArray[np.int64]]:
+    """Return the sets of terms to choose from: those before hysteresis or those behind it that remember alike.
+
+    Training data tell hardly which: a drive that overshoots and a mass that does differ in the loops of the overshoot.
+    """
+    linear = [isinstance(effect, LinearTerms) for effect in offered]
+    sizes = np.array([effect.n_terms for effect in offered])
+    first = np.cumsum(sizes) - sizes
+    found = []
+    for is_before in (True, False):
+        kept = [
+            np.arange(n, n + effect.n_terms)
+            for n, effect, remembers in zip(first, offered, linear, strict=True)
+            if not remembers or (effect.stage < Stage.MECHANICAL) is is_before
+        ]
+        found.append(np.concatenate(kept))
+    return found
 
 
 def _places(chosen: list[int], n_linear: int) -> NDArray[np.int64]:
