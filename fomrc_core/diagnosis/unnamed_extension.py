@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
+from fomrc_core.diagnosis.drive_period import drive_period_v
 from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
@@ -24,7 +25,7 @@ from fomrc_core.effects.base.linear_terms import LinearTerms
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.linear_part import centred, order_slope, record_columns
+from fomrc_core.fitting.linear_part import centred, order_slope, record_columns, residuals
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.residual import rms
 
@@ -112,10 +113,9 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
             break
         solution = learned.of(_places(chosen, n_linear)).solution()
         try:
-            beside = _with_terms(model, offered, chosen, solution[n_linear:])
+            extended = fitted_beside(_with_terms(model, offered, chosen, solution[n_linear:]), split.train)
         except ParameterError:
             break  # weights beyond all bounds: the records do not tell the terms from what plays and creep can do
-        extended = fitted_beside(beside, split.train)
         if extended is None:
             break
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
@@ -134,7 +134,9 @@ def _offered(model: TrialModel, split: DataSplit) -> list[Effect]:
         return []
     step_s = float(np.median(split.train[0].steps_s))
     longest_s = max(float(record.time_s[-1]) for record in split.train)
-    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split))
+    left = [v[r.is_used] for v, r in zip(residuals(model, split.train), split.train, strict=True)]
+    period_v = drive_period_v([r.voltage_v[r.is_used] for r in split.train], left)
+    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split), period_v)
     return [offer for kind in effect_classes().values() if (offer := kind.offered(scales)) is not None]
 
 

@@ -25,7 +25,8 @@ from fomrc_core.errors import ParameterError
 LATE, NOT_YET, SWING = 0.0, 1.0, 2.0  # kinds of terms, see ``LinearTerms``
 _N_PARTS_SWINGING = 20  # of each step, as for a resonance that has a name (second_order.py)
 _TURN_OF_DIRECTIONS = 0.4  # [rad] of a swing in a part: a straight line over it is 2 % off at most
-_FAR = 1e-9  # of the fastest rate: a zero this near the axis is on it
+_FAR, _N_FREQUENCIES = 100.0, 2000  # beyond the slowest and the fastest mode, and between, where an inverse is asked
+_ROUNDING = 1e-9  # of an answer
 
 PARAMETERS = (
     Parameter("weights", "1", -1e9, 1e9, is_list=True, description="of each term"),
@@ -140,17 +141,17 @@ class LinearTerms(Effect):
 
     @property
     def can_invert(self) -> bool:  # type: ignore[override]  # of an instance: it depends on the weights
-        """Return whether all comes through at once in part, and what takes it back does not grow."""
+        """Return whether part comes through at once, and nothing is turned by more than a quarter of a turn.
+
+        Between samples the input is a line: what is sampled answers at each frequency with a mean, its weights squares
+        of a sinc, of what the effect answers there and at the frequencies that look alike. So a real part that is
+        nowhere negative stays so at any sample rate, and the inverse does not grow.
+        """
         if not self.through > 0.0:
             return False
-        poles, gains = self._modes()
-        size = 2 * self.n_terms
-        own, into, out = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
-        for k, ((x, y), (a, b)) in enumerate(zip(poles, gains, strict=True)):
-            at = slice(2 * k, 2 * k + 2)
-            own[at, at], into[at, 0], out[0, at] = [[x, -y], [y, x]], [-x, -y], [a, -b]
-        zeros = np.linalg.eigvals(own - into @ out / self.through)
-        return bool(np.max(zeros.real) <= _FAR * np.max(np.abs(poles)))
+        sizes = np.hypot(self.decays_per_s, self.swings_per_s) / (2.0 * np.pi)
+        frequency_hz = np.geomspace(np.min(sizes) / _FAR, np.max(sizes) * _FAR, _N_FREQUENCIES)
+        return bool(np.min(self.response(frequency_hz).real) >= -_ROUNDING)
 
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
         """Return many parts where it swings, also while the drive rests: elements follow what it swings by."""

@@ -26,12 +26,14 @@ class TermScales:
         step_s: sample period [s].
         duration_s: length of the longest [s].
         columns: middle and half the range of each signal that all of them have, in its unit.
+        drive_period_v: period of the voltage with which what is left comes back [V]; None where it does not.
     """
 
     span_um: float
     step_s: float
     duration_s: float
     columns: Mapping[Covariate, tuple[float, float]]
+    drive_period_v: float | None = None
 
     @property
     def lags_s(self) -> list[float]:
