@@ -27,7 +27,7 @@ from fomrc_core.fitting.trial_model import TrialModel, predict
 
 _MOST_STEPS = 6
 _MOST_HALVINGS = 4
-_LEAST_GAIN = 1e-3  # of the squared error: less is not worth another step
+_LEAST_GAIN = 0.01  # of the squared error: less is not worth another step, nor plays chosen once more
 _LONGEST_ORDER_STEP = 0.05  # far from the answer a linear step in the order overshoots
 _LOG_DIFFERENCE = 1e-3  # of a memory's logarithm
 _LONGEST_LOG_STEP = 0.5  # a slope says nothing of a rate several times as fast
@@ -50,12 +50,14 @@ def fitted_beside(model: TrialModel, records: tuple[FitRecord, ...]) -> TrialMod
         model: with its terms, near their weights; its plays' of either sign.
         records: what to fit.
     """
-    model = _with_elements(rebased(model, records))
-    if model is None:
+    begun = _with_elements(rebased(model, records))
+    if begun is None:
         return None
-    model = _descended(model, records)
-    again = _with_elements(rebased(model, records))
-    return model if again is None else min((model, _descended(again, records)), key=lambda m: _error(m, records))
+    still = _descended(begun, records)
+    if _error(still, records) > (1.0 - _LEAST_GAIN) * _error(begun, records):
+        return still
+    again = _with_elements(rebased(still, records))
+    return still if again is None else min((still, _descended(again, records)), key=lambda m: _error(m, records))
 
 
 def _error(model: TrialModel, records: tuple[FitRecord, ...]) -> float:

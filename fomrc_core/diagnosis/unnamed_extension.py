@@ -121,7 +121,10 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
         if not error < least:
             break
+        is_still = error > least * np.exp(-WORTHWHILE_LOG_GAIN)
         best, least = extended, error
+        if is_still:
+            break
         model = replace(extended, effects=model.effects)
     return best
 
