@@ -127,7 +127,7 @@ def _with(model: TrialModel, parts: Sequence[Array]) -> TrialModel:
 
 
 def _best_about(model: TrialModel, records: tuple[FitRecord, ...]) -> list[Array] | None:
-    """Return weights of plays, creep order and weights of terms where the model that is linear about this one fits best."""
+    """Return weights of plays, creep order, numbers of each effect where the model linear about this one fits best."""
     effects = terms_in(model)
     n_columns, n_order = model.weights.size, 0 if model.replaces_creep else 1
 

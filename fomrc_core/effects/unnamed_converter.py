@@ -23,11 +23,11 @@ TOOTH, SINE = 0.0, 1.0  # shapes of terms
 
 @dataclass(frozen=True)
 class UnnamedConverter(Effect):
-    """Drive plus a sum of terms of it at the samples, each a weight times sin(2 pi u) or u less the nearest whole number.
+    """Drive plus a sum of terms of it at the samples, each a weight times a tooth or a sine of u = v / period + turn.
 
-    u is v / period + turn. What makes a voltage of levels errs by teeth where these are even, and whatever else repeats
-    from level to level, or from one group of them to the next, is a sum of sines (Fourier). Chosen and sized by
-    ``diagnosis.unnamed_extension``; never a cause.
+    A tooth is u less the nearest whole number, a sine sin(2 pi u). What makes a voltage of levels errs by teeth where
+    these are even, and whatever else repeats from level to level, or from one group of them to the next, is a sum of
+    sines (Fourier). Chosen and sized by ``diagnosis.unnamed_extension``; never a cause.
     """
 
     name: ClassVar[str] = "unnamed_converter"
@@ -42,7 +42,9 @@ class UnnamedConverter(Effect):
     )
     main_parameter: ClassVar[str] = "weights_v"
     linear_parameters: ClassVar[tuple[str, ...]] = ("weights_v",)
-    meaning: ClassVar[str] = "The command comes out with an error that repeats, and not as any cause in the library does."
+    meaning: ClassVar[str] = (
+        "The command comes out with an error that repeats, and not as any cause in the library does."
+    )
     signature: ClassVar[str] = "what is left comes back with a period of the commanded voltage, and no cause follows it"
     experiment: ClassVar[str] = "a triangle so slow that many samples fall on each period"
     inverse_note: ClassVar[str] = "inverted where its terms together are surely less steep than the voltage"
@@ -108,7 +110,7 @@ class UnnamedConverter(Effect):
         """Return each term without its weight [1], shape (n_samples, n_terms)."""
         turned = values[:, None] / np.array(self.periods_v) + np.array(self.turns)
         tooth = np.array(self.shapes) == TOOTH
-        return np.where(tooth, turned - np.rint(turned), np.sin(2.0 * np.pi * turned))
+        return np.asarray(np.where(tooth, turned - np.rint(turned), np.sin(2.0 * np.pi * turned)))
 
     def _table(self) -> Array:
         return np.array([self.weights_v, self.periods_v, self.turns, self.shapes])

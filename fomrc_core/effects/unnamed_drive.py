@@ -9,7 +9,6 @@ from fomrc_core.effects.base.effect import Stage
 from fomrc_core.effects.base.linear_terms import LinearTerms, offered_terms
 from fomrc_core.effects.base.term_scales import TermScales
 
-
 _DAMPING_RATIOS = (0.3,)  # of what is offered: its band is wide, and a fit moves it
 
 

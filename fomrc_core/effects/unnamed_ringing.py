@@ -9,7 +9,6 @@ from fomrc_core.effects.base.effect import Stage
 from fomrc_core.effects.base.linear_terms import LinearTerms, offered_terms
 from fomrc_core.effects.base.term_scales import TermScales
 
-
 _DAMPING_RATIOS = (0.3, 0.1)  # of what is offered: a fit moves it
 
 
@@ -19,11 +18,11 @@ class UnnamedRinging(LinearTerms):
 
     name: ClassVar[str] = "unnamed_ringing"
     stage: ClassVar[Stage] = Stage.MECHANICAL
-    meaning: ClassVar[str] = (
-        "Something that the stage moves swings, and not as any cause in the library does."
-    )
+    meaning: ClassVar[str] = "Something that the stage moves swings, and not as any cause in the library does."
     signature: ClassVar[str] = "what is left swings after each step of the displacement, and no cause follows it"
-    experiment: ClassVar[str] = "small steps about two places, and with a known mass on the stage: what swings with it gets slower"
+    experiment: ClassVar[str] = (
+        "small steps about two places, and with a known mass on the stage: what swings with it gets slower"
+    )
     inverse_note: ClassVar[str] = "inverted where part of it comes through at once and its inverse does not grow"
     signal_words: ClassVar[str] = "the displacement"
 

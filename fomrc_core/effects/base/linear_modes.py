@@ -82,7 +82,7 @@ def pairs_at_rest(n_pairs: int) -> Array:
 
 
 @compiled
-def _pair_weights(x: float, y: float) -> tuple[float, float, float, float]:
+def pair_weights(x: float, y: float) -> tuple[float, float, float, float]:
     """Return decay exp(z) and ramp 1 - (exp(z) - 1) / z of z = x + i y = pole times step, both parts of each."""
     size = math.exp(x)
     decay_re, decay_im = size * math.cos(y), size * math.sin(y)
@@ -118,7 +118,7 @@ def run_pairs(state: Array, poles_per_s: Array, gains: Array, values: Array, ste
         if steps_s[k] != step:
             step = steps_s[k]
             for j in range(n_pairs):
-                w = _pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
+                w = pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
                 weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3] = w
         before, now = state[0], values[k]
         total = 0.0
@@ -131,36 +131,6 @@ def run_pairs(state: Array, poles_per_s: Array, gains: Array, values: Array, ste
             total += gains[j, 0] * new_re - gains[j, 1] * new_im
         state[0] = now
         out[k] = total
-
-
-@compiled
-def undo_pairs(
-    state: Array, poles_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
-) -> None:
-    """Fill ``out`` with the input whose response, ``run_pairs`` and ``through`` times it, is these values."""
-    n_pairs = poles_per_s.shape[0]
-    weights = np.empty((n_pairs, 4))
-    step, share = -1.0, 1.0
-    for k in range(values.size):
-        if steps_s[k] != step:
-            step, share = steps_s[k], through
-            for j in range(n_pairs):
-                w = _pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
-                weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3] = w
-                share += gains[j, 0] * w[2] - gains[j, 1] * w[3]
-        before, known = state[0], 0.0
-        for j in range(n_pairs):
-            re, im = state[1 + 2 * j], state[2 + 2 * j]
-            d, e, r, s = weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3]
-            state[1 + 2 * j] = d * re - e * im + (1.0 - d - r) * before
-            state[2 + 2 * j] = d * im + e * re - (e + s) * before
-            known += gains[j, 0] * state[1 + 2 * j] - gains[j, 1] * state[2 + 2 * j]
-        now = (values[k] - known) / share
-        for j in range(n_pairs):
-            state[1 + 2 * j] += weights[j, 2] * now
-            state[2 + 2 * j] += weights[j, 3] * now
-        state[0] = now
-        out[k] = now
 
 
 _LOGARITHMIC_FIRST, _LOGARITHMIC_LAST = (
@@ -252,7 +222,7 @@ def pairs_form(poles_per_s: Array, gains: Array) -> StepForm:
 
 
 def _prepare_pairs(k: Fields, c: Fields, step_s: float) -> None:
-    # _pair_weights of each pole
+    # pair_weights of each pole
     for j in range(len(c.pole_re)):
         x = c.pole_re[j] * step_s
         y = c.pole_im[j] * step_s
@@ -288,63 +258,3 @@ def _follow_pairs(s: Fields, k: Fields, c: Fields, value: float) -> Number:
         total = total + (c.gain_re[j] * re - c.gain_im[j] * im)
     s.before = value
     return total
-
-
-def prepare_pairs_beside(k: Fields, c: Fields, step_s: float) -> None:
-    """Fill the coefficients of a step of this length, of pairs beside what comes through at once."""
-    share = c.through
-    for j in range(len(c.pole_re)):
-        x = c.pole_re[j] * step_s
-        y = c.pole_im[j] * step_s
-        k.decay_re[j] = math.exp(x) * math.cos(y)
-        k.decay_im[j] = math.exp(x) * math.sin(y)
-        square = x * x + y * y
-        if square > 0.01:
-            a = k.decay_re[j] - 1.0
-            k.ramp_re[j] = 1.0 - (a * x + k.decay_im[j] * y) / square
-            k.ramp_im[j] = -(k.decay_im[j] * x - a * y) / square
-        else:
-            power_re = 1.0
-            power_im = 0.0
-            k.ramp_re[j] = 0.0
-            k.ramp_im[j] = 0.0
-            for n in range(8):
-                former = power_re
-                power_re = (power_re * x - power_im * y) / (n + 2.0)
-                power_im = (former * y + power_im * x) / (n + 2.0)
-                k.ramp_re[j] = k.ramp_re[j] - power_re
-                k.ramp_im[j] = k.ramp_im[j] - power_im
-        share = share + c.gain_re[j] * k.ramp_re[j] - c.gain_im[j] * k.ramp_im[j]
-    k.share = share
-
-
-def follow_pairs_beside(s: Fields, k: Fields, c: Fields, value: float) -> Number:
-    """Return ``run_pairs`` and what comes through at once, a sample at a time."""
-    total = c.through * value
-    for j in range(len(c.pole_re)):
-        re = k.decay_re[j] * s.re[j] - k.decay_im[j] * s.im[j]
-        im = k.decay_re[j] * s.im[j] + k.decay_im[j] * s.re[j]
-        re = re + (1.0 - k.decay_re[j] - k.ramp_re[j]) * s.before + k.ramp_re[j] * value
-        im = im - (k.decay_im[j] + k.ramp_im[j]) * s.before + k.ramp_im[j] * value
-        s.re[j] = re
-        s.im[j] = im
-        total = total + (c.gain_re[j] * re - c.gain_im[j] * im)
-    s.before = value
-    return total
-
-
-def undo_pairs_beside(s: Fields, k: Fields, c: Fields, value: float) -> Number:
-    """Return ``undo_pairs``, a sample at a time."""
-    known = 0.0
-    for j in range(len(c.pole_re)):
-        re = k.decay_re[j] * s.re[j] - k.decay_im[j] * s.im[j]
-        im = k.decay_re[j] * s.im[j] + k.decay_im[j] * s.re[j]
-        s.re[j] = re + (1.0 - k.decay_re[j] - k.ramp_re[j]) * s.before
-        s.im[j] = im - (k.decay_im[j] + k.ramp_im[j]) * s.before
-        known = known + (c.gain_re[j] * s.re[j] - c.gain_im[j] * s.im[j])
-    now = (value - known) / k.share
-    for j in range(len(c.pole_re)):
-        s.re[j] = s.re[j] + k.ramp_re[j] * now
-        s.im[j] = s.im[j] + k.ramp_im[j] * now
-    s.before = now
-    return now

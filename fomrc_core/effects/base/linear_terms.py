@@ -11,11 +11,10 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, ComplexArray
 from fomrc_core.effects.base.effect import Effect, Parameter
-from fomrc_core.effects.base.linear_modes import (
+from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
+from fomrc_core.effects.base.pairs_beside import (
     follow_pairs_beside,
-    pairs_at_rest,
     prepare_pairs_beside,
-    run_pairs,
     undo_pairs,
     undo_pairs_beside,
 )
@@ -43,8 +42,8 @@ class LinearTerms(Effect):
     The mode is z, dz/dt = (decay + i swing) (v - z), of the input v: its real part (kind 0, what is held of the past),
     its real part less the input (kind 1, what has not come through yet), its imaginary part (kind 2). Such modes beside
     each other are any linear memory of finite order; exact for an input linear between samples. Their decays and swings
-    are fitted beside their weights, as poles are in vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14
-    (1999) 1052-1061). Chosen and sized by ``diagnosis.unnamed_extension``; never a cause.
+    are fitted beside their weights, as poles are in vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery
+    14 (1999) 1052-1061). Chosen and sized by ``diagnosis.unnamed_extension``; never a cause.
     """
 
     is_named: ClassVar[bool] = False
