@@ -249,22 +249,19 @@ def _chosen_among(
 
 
 def _sets(offered: Sequence[Effect]) -> list[NDArray[np.int64]]:
-    """Return the sets of terms to choose from: those before hysteresis or those behind it that remember alike.
+    """Return the sets of terms to choose from: with linear memory before hysteresis, with that behind it, with neither.
 
-    Training data tell hardly which: a drive that overshoots and a mass that does differ in the loops of the overshoot.
+    Training data tell hardly which: a drive that overshoots and a mass that does differ in the loops of the overshoot,
+    and a few swings of many periods bend to whatever is quick.
     """
-    linear = [isinstance(effect, LinearTerms) for effect in offered]
     sizes = np.array([effect.n_terms for effect in offered])
-    first = np.cumsum(sizes) - sizes
-    found = []
-    for is_before in (True, False):
-        kept = [
-            np.arange(n, n + effect.n_terms)
-            for n, effect, remembers in zip(first, offered, linear, strict=True)
-            if not remembers or (effect.stage < Stage.MECHANICAL) is is_before
-        ]
-        found.append(np.concatenate(kept))
-    return found
+    numbers = np.split(np.arange(int(np.sum(sizes))), np.cumsum(sizes)[:-1])
+    linear = {effect.name for effect in offered if isinstance(effect, LinearTerms)}
+    before = {effect.name for effect in offered if effect.name in linear and effect.stage < Stage.MECHANICAL}
+    return [
+        np.concatenate([own for own, effect in zip(numbers, offered, strict=True) if effect.name not in left_out])
+        for left_out in (linear - before, before, linear)
+    ]
 
 
 def _places(chosen: list[int], n_linear: int) -> NDArray[np.int64]:
