@@ -20,9 +20,10 @@ model file. The order is that of the chain, from the voltage that is commanded t
 """
 _UNNAMED = """
 Those whose names begin with `unnamed` are no causes. Where something is left that none explains, a diagnosis adds a few
-terms that follow it and says what they depend on, not why (`unnamed_extension` in `diagnosis.json`): place and motion
-(`unnamed`), a curve over the place (`unnamed_static`), the time since the start, a second axis, the temperature; the
-status stays what it was without them.
+terms that follow it and says what they depend on, not why (`unnamed_extension` in `diagnosis.json`): past and
+swings of the drive and of the displacement, what comes back with the commanded voltage, place and motion (`unnamed`), a
+curve over the place (`unnamed_static`), the time since the start, a second axis, the temperature; the status stays what
+it was without them.
 """
 _STAGES = {
     "SAMPLED_DRIVE": "drive, at the samples",

@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.compute.least_squares import NormalEquations, normal_equations, signed_weights
+from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
-from fomrc_core.diagnosis.extended_model import is_no_worse, least_slope
+from fomrc_core.diagnosis.drive_period import drive_period_v
+from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
-from fomrc_core.effects import Covariate, Effect, effect_classes
+from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
+from fomrc_core.effects import Covariate, Effect, Stage, effect_classes
+from fomrc_core.effects.base.linear_terms import LinearTerms
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.joint_fit import refit
-from fomrc_core.fitting.linear_part import centred, order_slope, record_columns
+from fomrc_core.fitting.linear_part import centred, order_slope, record_columns, residuals
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.residual import rms
 
@@ -107,11 +108,12 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
     for _ in range(_MOST_TURNS):
         learned = _equations(model, offered, [HeldOut(r, i) for i, r in enumerate(split.train)])
         n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
-        chosen = _chosen(learned, _rows(model, offered, split.held), n_linear)
+        chosen = _chosen(learned, _rows(model, offered, split.held), n_linear, _sets(offered))
         if not chosen:
             break
+        solution = learned.of(_places(chosen, n_linear)).solution()
         try:
-            extended = _fitted(model, offered, chosen, learned)
+            extended = fitted_beside(_with_terms(model, offered, chosen, solution[n_linear:]), split.train)
         except ParameterError:
             break  # weights beyond all bounds: the records do not tell the terms from what plays and creep can do
         if extended is None:
@@ -119,14 +121,11 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         error = float(sum(v @ v for v in held_residuals(extended, split.held)))
         if not error < least:
             break
+        is_still = error > least * np.exp(-WORTHWHILE_LOG_GAIN)
         best, least = extended, error
-        solution = learned.of(_places(chosen, n_linear)).solution()
-        try:
-            beside = _with_terms(model, offered, chosen, solution[n_linear:])
-        except ParameterError:
+        if is_still:
             break
-        again = refit(rebased(beside, split.train), split.train, free=()).model
-        model = replace(again, effects=model.effects)
+        model = replace(extended, effects=model.effects)
     return best
 
 
@@ -138,7 +137,9 @@ def _offered(model: TrialModel, split: DataSplit) -> list[Effect]:
         return []
     step_s = float(np.median(split.train[0].steps_s))
     longest_s = max(float(record.time_s[-1]) for record in split.train)
-    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split))
+    left = [v[r.is_used] for v, r in zip(residuals(model, split.train), split.train, strict=True)]
+    period_v = drive_period_v([r.voltage_v[r.is_used] for r in split.train], left)
+    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split), period_v)
     return [offer for kind in effect_classes().values() if (offer := kind.offered(scales)) is not None]
 
 
@@ -186,6 +187,10 @@ def _rows(model: TrialModel, offered: Sequence[Effect], parts: Sequence[HeldOut]
 def _terms(
     model: TrialModel, offered: Effect, record: FitRecord, index: int, moved_um: Array, at: NDArray[np.int64]
 ) -> Array:
+    if offered.stage < Stage.MECHANICAL:
+        # what it does the displacement shows behind hysteresis and creep alone
+        nothing = offered.with_terms(range(offered.n_terms), np.zeros(offered.n_terms))
+        return term_directions(model, nothing, record, index)[at, : offered.n_terms]
     columns = []
     covariate = record.covariates.of(offered.covariate)
     for k in range(offered.n_terms):
@@ -202,25 +207,61 @@ def _equations(model: TrialModel, offered: Sequence[Effect], parts: Sequence[Hel
     return normal_equations((c, y, np.ones(y.size, dtype=np.bool_)) for c, y in rows)
 
 
-def _chosen(learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int) -> list[int]:
-    """Return the terms that stay: as few as do about as well on held-out data as the best number of them."""
+def _chosen(
+    learned: NormalEquations, held: list[tuple[Array, Array]], n_linear: int, among: Sequence[NDArray[np.int64]]
+) -> list[int]:
+    """Return the terms that stay: as few as do about as well on held-out data as the best number of them.
+
+    Args:
+        learned: equations of training.
+        held: columns and target of held-out stretches.
+        n_linear: number of columns before the terms.
+        among: sets of terms to choose from; of what is chosen from each, held-out data say which does best.
+    """
     # beside the terms the weights of the plays and the creep order may move: what they can do is no term's
     beside = learned.without(n_linear)
+    found = [_chosen_among(beside, learned, held, n_linear, offered) for offered in among]
+    return min(found, key=lambda each: each[1])[0]
+
+
+def _chosen_among(
+    beside: NormalEquations,
+    learned: NormalEquations,
+    held: list[tuple[Array, Array]],
+    n_linear: int,
+    offered: NDArray[np.int64],
+) -> tuple[list[int], float]:
     order: list[int] = []
     left = [_left(learned, held, n_linear, order)]
-    n_offered = beside.moment.size
-    for _ in range(min(_MOST_TERMS, n_offered)):
+    for _ in range(min(_MOST_TERMS, offered.size)):
         before = beside.of(np.array(order, dtype=np.int64)).explained if order else 0.0
-        gains = [beside.of(np.array([*order, k])).explained if k not in order else before for k in range(n_offered)]
+        gains = [beside.of(np.array([*order, k])).explained if k not in order else before for k in offered]
         best = int(np.argmax(gains))
         if not gains[best] > before:
             break
-        order.append(best)
+        order.append(int(offered[best]))
         left.append(_left(learned, held, n_linear, order))
     errors = [sum(float(v @ v) for v in residuals) for residuals in left]
     best = int(np.argmin(errors))
     enough = errors[best] * np.exp(WORTHWHILE_LOG_GAIN)
-    return order[: next(n for n in range(best + 1) if n == best or errors[n] <= enough)]
+    n_terms = next(n for n in range(best + 1) if n == best or errors[n] <= enough)
+    return order[:n_terms], errors[n_terms]
+
+
+def _sets(offered: Sequence[Effect]) -> list[NDArray[np.int64]]:
+    """Return the sets of terms to choose from: with linear memory before hysteresis, with that behind it, with neither.
+
+    Training data tell hardly which: a drive that overshoots and a mass that does differ in the loops of the overshoot,
+    and a few swings of many periods bend to whatever is quick.
+    """
+    sizes = np.array([effect.n_terms for effect in offered])
+    numbers = np.split(np.arange(int(np.sum(sizes))), np.cumsum(sizes)[:-1])
+    linear = {effect.name for effect in offered if isinstance(effect, LinearTerms)}
+    before = {effect.name for effect in offered if effect.name in linear and effect.stage < Stage.MECHANICAL}
+    return [
+        np.concatenate([own for own, effect in zip(numbers, offered, strict=True) if effect.name not in left_out])
+        for left_out in (linear - before, before, linear)
+    ]
 
 
 def _places(chosen: list[int], n_linear: int) -> NDArray[np.int64]:
@@ -244,26 +285,3 @@ def _with_terms(model: TrialModel, offered: Sequence[Effect], chosen: list[int],
             model = model.with_cause(effect.with_terms([chosen[n] - first for n in own], weights_um[own]))
         first += effect.n_terms
     return model
-
-
-def _fitted(
-    model: TrialModel, offered: Sequence[Effect], chosen: list[int], learned: NormalEquations
-) -> TrialModel | None:
-    """Return the model with the terms, weights of elements not negative, its creep order as it is; None without any."""
-    n_columns = model.weights.size
-    n_linear = learned.moment.size - sum(effect.n_terms for effect in offered)
-    equations = learned.of(np.r_[np.arange(n_columns), _places(chosen, n_linear)[n_linear:]])
-    # what the model has already, put back: it is the whole weights that must not be negative
-    moment = equations.moment + equations.gram[:, :n_columns] @ model.weights
-    is_positive = np.r_[model.columns.is_plain, np.zeros(len(chosen), dtype=np.bool_)]
-    weights = signed_weights(equations.gram, moment, is_positive)
-    plain = model.columns.is_plain
-    is_slope = plain & (model.columns.thresholds_v == 0.0)
-    of_plays = weights[:n_columns]
-    if not float(np.sum(of_plays[plain])) > 0.0:
-        return None  # terms that leave nothing to the actuator
-    if not float(np.sum(of_plays[is_slope])) > 0.0:
-        of_plays[is_slope] = least_slope(of_plays[plain])
-    kept = ~plain | is_slope | (of_plays > 0.0)
-    extended = _with_terms(model, offered, chosen, weights[n_columns:])
-    return replace(extended, columns=model.columns.chosen(kept), weights=of_plays[kept])

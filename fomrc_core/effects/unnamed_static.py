@@ -85,6 +85,10 @@ class UnnamedStatic(Effect):
         )
         return total / self.span_um
 
+    def weight_of_span(self) -> float:
+        """Return the largest displacement learned from [um]."""
+        return self.span_um
+
     def words(self) -> str:
         """Return what the terms depend on, in words, the weightiest first."""
         found: dict[str, float] = {}

@@ -16,7 +16,10 @@ from fomrc_core.effects.second_mode import SecondMode
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.unnamed import Unnamed
+from fomrc_core.effects.unnamed_converter import UnnamedConverter
+from fomrc_core.effects.unnamed_drive import UnnamedDrive
 from fomrc_core.effects.unnamed_in_time import UnnamedInTime
+from fomrc_core.effects.unnamed_ringing import UnnamedRinging
 from fomrc_core.effects.unnamed_second_axis import UnnamedSecondAxis
 from fomrc_core.effects.unnamed_static import UnnamedStatic
 from fomrc_core.effects.unnamed_temperature import UnnamedTemperature
@@ -54,4 +57,7 @@ NEW_EFFECTS: list[Effect] = [
     ),
     UnnamedTemperature((0.02, -0.01, 0.03), (1.0, 0.0, 2.0), (1.0, 0.0, 0.0), (0.0, 0.05, 0.0), 3.0, 21.0, 2.0),
     UnnamedStatic((0.02, -0.03, 0.005), (-0.2, 0.3, 0.0), (0.0, 0.0, 2.5), (0.0, 0.0, 0.25), 3.0),
+    UnnamedDrive((-0.1, 0.2, -0.1, 0.05), (5.0, 200.0, 60.0, 60.0), (0.0, 0.0, 200.0, 200.0), (0.0, 1.0, 1.0, 2.0)),
+    UnnamedConverter((-0.02, 0.01), (0.03, 0.1), (0.0, 0.25), (0.0, 1.0)),
+    UnnamedRinging((0.2, 0.1, 0.1), (30.0, 30.0, 400.0), (300.0, 300.0, 0.0), (1.0, 2.0, 1.0)),
 ]

@@ -243,6 +243,18 @@ class Effect(Cause):
         """Return the effect of some of the terms, with these weights [um]."""
         return self
 
+    def memory(self) -> Array:
+        """Return logarithms of the times or rates that are fitted beside the weights of terms, shape (n_numbers,)."""
+        return np.zeros(0)
+
+    def with_memory(self, logs: Array) -> Effect:
+        """Return the effect with these in place of its ``memory``."""
+        return self
+
+    def weight_of_span(self) -> float:
+        """Return the weight with which a term of size one moves as much as what it acts on, in the unit of weights."""
+        return 1.0
+
     def words(self) -> str:
         """Return what the terms depend on, in words with "; on " between, the weightiest first; "" where none are."""
         return ""

@@ -82,7 +82,7 @@ def pairs_at_rest(n_pairs: int) -> Array:
 
 
 @compiled
-def _pair_weights(x: float, y: float) -> tuple[float, float, float, float]:
+def pair_weights(x: float, y: float) -> tuple[float, float, float, float]:
     """Return decay exp(z) and ramp 1 - (exp(z) - 1) / z of z = x + i y = pole times step, both parts of each."""
     size = math.exp(x)
     decay_re, decay_im = size * math.cos(y), size * math.sin(y)
@@ -118,7 +118,7 @@ def run_pairs(state: Array, poles_per_s: Array, gains: Array, values: Array, ste
         if steps_s[k] != step:
             step = steps_s[k]
             for j in range(n_pairs):
-                w = _pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
+                w = pair_weights(poles_per_s[j, 0] * step, poles_per_s[j, 1] * step)
                 weights[j, 0], weights[j, 1], weights[j, 2], weights[j, 3] = w
         before, now = state[0], values[k]
         total = 0.0
@@ -222,7 +222,7 @@ def pairs_form(poles_per_s: Array, gains: Array) -> StepForm:
 
 
 def _prepare_pairs(k: Fields, c: Fields, step_s: float) -> None:
-    # _pair_weights of each pole
+    # pair_weights of each pole
     for j in range(len(c.pole_re)):
         x = c.pole_re[j] * step_s
         y = c.pole_im[j] * step_s

@@ -102,6 +102,10 @@ class SignalTerms(Effect):
         weights = tuple(float(w) for w in weights_um)
         return type(self)(weights, signal_powers, powers, lags_s, self.span_um, self.signal_zero, self.signal_range)
 
+    def weight_of_span(self) -> float:
+        """Return the largest displacement learned from [um]."""
+        return self.span_um
+
     def words(self) -> str:
         """Return what the terms depend on, in words, the weightiest first."""
         found: dict[str, float] = {}

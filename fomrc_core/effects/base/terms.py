@@ -105,15 +105,22 @@ _remembered, _factor_of = compiled(remembered), compiled(factor_of)
 
 @compiled
 def _advance_term(
-    state: Array, at: int, power: float, lag_s: float, lag_power: float, threshold: float, x: float, step_s: float
+    state: Array,
+    at: int,
+    power: float,
+    lag_s: float,
+    lag_power: float,
+    threshold: float,
+    x: float,
+    gone: float,
+    ramp: float,
 ) -> float:
-    """Return one term, and move its state on."""
+    """Return one term, and move its state on by a step of these shares of its lag."""
     x = min(max(x, -REACH), REACH)
     value = 1.0
     for _ in range(int(power)):
         value *= x
     if lag_s > 0.0:
-        gone, ramp = lag_shares(step_s / lag_s)
         state[at] = _remembered(lag_power, state[at], state[at + 1], gone, ramp, x)
         state[at + 1] = x
         value *= _factor_of(lag_power, state[at], x)
@@ -125,6 +132,14 @@ def _advance_term(
 
 
 @compiled
+def _fill_shares(lags_s: Array, step_s: float, gone: Array, ramps: Array) -> None:
+    """Fill the shares of a step of this length, which are most of what a term costs: the next step has the same."""
+    for j in range(lags_s.size):
+        if lags_s[j] > 0.0:
+            gone[j], ramps[j] = lag_shares(step_s / lags_s[j])
+
+
+@compiled
 def _sum_of_terms(
     state: Array,
     weights: Array,
@@ -133,13 +148,14 @@ def _sum_of_terms(
     lag_powers: Array,
     thresholds: Array,
     x: float,
-    step_s: float,
+    gone: Array,
+    ramps: Array,
 ) -> float:
     """Return all terms together [um], and move their states on."""
     total = 0.0
     for j in range(weights.size):
         total += weights[j] * _advance_term(
-            state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x, step_s
+            state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x, gone[j], ramps[j]
         )
     return total
 
@@ -158,8 +174,14 @@ def run_sum(
     out: Array,
 ) -> None:
     """Fill ``out`` with the values and the terms of them [um]; the state moves on."""
+    gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
+    step_s = -1.0
     for k in range(values.size):
-        total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, values[k] / span_um, steps_s[k])
+        if steps_s[k] != step_s:
+            step_s = steps_s[k]
+            _fill_shares(lags_s, step_s, gone, ramps)
+        share = values[k] / span_um
+        total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, share, gone, ramps)
         out[k] = values[k] + total
 
 
@@ -175,10 +197,15 @@ def run_terms(
     out: Array,
 ) -> None:
     """Fill ``out`` with each term without its weight, (n_samples, n_terms); the state moves on."""
-    for j in range(powers.size):
-        for k in range(x.size):
+    gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
+    step_s = -1.0
+    for k in range(x.size):
+        if steps_s[k] != step_s:
+            step_s = steps_s[k]
+            _fill_shares(lags_s, step_s, gone, ramps)
+        for j in range(powers.size):
             out[k, j] = _advance_term(
-                state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x[k], steps_s[k]
+                state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x[k], gone[j], ramps[j]
             )
 
 
@@ -198,13 +225,19 @@ def invert_terms(
     """Fill ``out`` with the values whose terms make them these [um]; the state moves on."""
     before = state.copy()
     found = 0.0
+    gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
+    step_s = -1.0
     for k in range(values.size):
+        if steps_s[k] != step_s:
+            step_s = steps_s[k]
+            _fill_shares(lags_s, step_s, gone, ramps)
         before[:] = state
         found = values[k]
         # a contraction, for the terms are less steep than the displacement
         for _ in range(_N_TURNS):
             state[:] = before
-            total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, found / span_um, steps_s[k])
+            share = found / span_um
+            total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, share, gone, ramps)
             moved = values[k] - total
             is_still = abs(moved - found) <= 1e-15 * span_um
             found = moved

@@ -138,7 +138,7 @@ def test_terms_that_no_effect_may_have_are_no_extension(monkeypatch: pytest.Monk
         raise ParameterError("out of range", where="unnamed.weights_um", value=9e9, allowed="-1e+09 to 1e+09 um")
 
     assert followed(warmed) is not None
-    monkeypatch.setattr("fomrc_core.diagnosis.unnamed_extension._fitted", refused)
+    monkeypatch.setattr("fomrc_core.diagnosis.unnamed_extension.fitted_beside", refused)
     assert followed(warmed) is None
 
 

@@ -33,7 +33,10 @@ from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.effects.unnamed import Unnamed
+from fomrc_core.effects.unnamed_converter import UnnamedConverter
+from fomrc_core.effects.unnamed_drive import UnnamedDrive
 from fomrc_core.effects.unnamed_in_time import UnnamedInTime
+from fomrc_core.effects.unnamed_ringing import UnnamedRinging
 from fomrc_core.effects.unnamed_second_axis import UnnamedSecondAxis
 from fomrc_core.effects.unnamed_static import UnnamedStatic
 from fomrc_core.effects.unnamed_temperature import UnnamedTemperature
@@ -169,6 +172,9 @@ _NULLS = {
     "thermal_drift": ThermalDrift(),
     "transport_delay": TransportDelay(0.0),
     "unnamed": Unnamed((0.0,), (2.0,), (0.02,), (1.0,), (0.1,), 1.0),
+    "unnamed_drive": UnnamedDrive((0.0, 0.0), (50.0, 20.0), (0.0, 200.0), (0.0, 1.0)),
+    "unnamed_converter": UnnamedConverter((0.0, 0.0), (0.1, 0.2), (0.0, 0.25), (0.0, 1.0)),
+    "unnamed_ringing": UnnamedRinging((0.0, 0.0), (50.0, 20.0), (0.0, 200.0), (2.0, 1.0)),
     "unnamed_in_time": UnnamedInTime((0.0,), (1.0,), (0.0,), (0.02,), 1.0, 0.0, 1.0),
     "unnamed_second_axis": UnnamedSecondAxis((0.0,), (1.0,), (0.0,), (0.02,), 1.0, 0.0, 1.0),
     "unnamed_static": UnnamedStatic((0.0,), (0.1,), (2.0,), (0.1,), 1.0),

@@ -1,0 +1,32 @@
+"""What no cause explains and what swings with the displacement: a few terms, and no name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from fomrc_core.effects.base.effect import Stage
+from fomrc_core.effects.base.linear_terms import LinearTerms, offered_terms
+from fomrc_core.effects.base.term_scales import TermScales
+
+_DAMPING_RATIOS = (0.3, 0.1)  # of what is offered: a fit moves it
+
+
+@dataclass(frozen=True)
+class UnnamedRinging(LinearTerms):
+    """Displacement plus what swings in it."""
+
+    name: ClassVar[str] = "unnamed_ringing"
+    stage: ClassVar[Stage] = Stage.MECHANICAL
+    meaning: ClassVar[str] = "Something that the stage moves swings, and not as any cause in the library does."
+    signature: ClassVar[str] = "what is left swings after each step of the displacement, and no cause follows it"
+    experiment: ClassVar[str] = (
+        "small steps about two places, and with a known mass on the stage: what swings with it gets slower"
+    )
+    inverse_note: ClassVar[str] = "inverted where part of it comes through at once and its inverse does not grow"
+    signal_words: ClassVar[str] = "the displacement"
+
+    @classmethod
+    def offered(cls, scales: TermScales) -> UnnamedRinging:
+        """Return swings of all periods, well and lightly damped."""
+        return cls(*offered_terms((), scales.swings_s, _DAMPING_RATIOS))
