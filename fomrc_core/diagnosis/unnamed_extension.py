@@ -30,8 +30,8 @@ from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.residual import rms
 
 _WORTH_TRYING = 1.1  # times the noise floor: less is what a floor is known to
-# Of the gain on held-out data. The terms are chosen in training, however many are offered; held-out data choose no more
-# than how many of them stay, and must gain what is worthwhile besides.
+# Of the gain on held-out data, divided by the sets of terms of which they choose one (Bonferroni). The terms of a set
+# are chosen in training, however many are offered; held-out data choose how many stay.
 _SIGNIFICANCE = 0.05
 _MOST_TERMS = 8
 _MOST_SAMPLES = 20_000  # of a record, spread evenly: a few terms need no more
@@ -89,7 +89,8 @@ def unnamed_extension(
     if extended is None:
         return None
     score = held_out_score(before, held_residuals(extended, split.held))
-    if score.p_value >= _SIGNIFICANCE or not score.is_worthwhile() or not is_no_worse(extended, model, split):
+    is_sure = score.p_value < _SIGNIFICANCE / len(_sets(offered))
+    if not is_sure or not score.is_worthwhile() or not is_no_worse(extended, model, split):
         return None
     names = {effect.name for effect in offered}
     effects = tuple(effect for effect in extended.effects if effect.name in names)
