@@ -302,7 +302,6 @@ def _result(
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
-    tied = next((s.tied for s in reversed(steps) if s.tied), ())
     driven = [view.driven() for view in records]
     tests = dependences(driven)
     sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor, noise.slowest_seen_s)
@@ -322,6 +321,8 @@ def _result(
     unnamed_forms = {step.accepted.cause for step in steps if step.is_beaten}
     unnamed_forms |= {finding.cause for finding in everything if finding.is_undetermined}
     findings = tuple(finding for finding in everything if finding.cause not in unnamed_forms)
+    # what else a form could be that is no name is nobody's question
+    tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause not in unnamed_forms), ())
     status = judgement.status([finding.probability for finding in findings], bool(tied), bool(unnamed_forms))
     tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
