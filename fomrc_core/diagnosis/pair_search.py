@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, sure_gain
+from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.present_model import PresentModel
@@ -117,7 +117,9 @@ def best_beside(
     present = PresentModel.of(model, split)
     wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
-    return next(iter(candidates_for(present, split, screened, executor)), None)
+    candidates = candidates_for(present, split, screened, executor)
+    # beside a first, too, what holds another as a special case must predict better than that
+    return simplest(candidates[0], candidates, split, len(causes)) if candidates else None
 
 
 def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] | None:
