@@ -48,8 +48,9 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate to accept, and the state with a first, where no one alone does.
 
     The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
-    may do worse than none on held-out data, that show more of the other. Where no test finds anything left that
-    follows the drive, two have nothing to explain either.
+    may do worse than none on held-out data, that show more of the other. What would be found but for noise that might
+    wander as much comes before them: what another leaves beside it, a load that comes and goes, wanders as well. Where
+    no test finds anything left that follows the drive, two have nothing to explain either.
     """
     candidates = asked.candidates
     if not candidates or nothing_is_left(asked.state.model, asked.split):
@@ -57,7 +58,10 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
-    for first in (*(c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN), *told):
+    likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
+    # whoever is accepted by its score here was refused as wander
+    refused = [c for c in candidates if is_accepted(c, asked.n_causes) and c not in likeliest][:_MOST_FIRSTS]
+    for first in (*likeliest, *refused, *(c for c in told if c not in refused)):
         pair = _with_pair(asked, first)
         if pair is not None:
             return pair
@@ -145,6 +149,8 @@ def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
     if second is None:
         return None
     if not first.is_bound:
+        if is_accepted(first, asked.n_causes) and not is_no_wander(second, asked.split, first.cause):
+            return None
         return replace(second, score=_score_of_pair(asked.state.model, second.fitted.model, asked.split))
     is_told = is_confirmed(second.fitted, asked.split, first.cause)
     return second if is_told and is_no_wander(second, asked.split, first.cause) else None
