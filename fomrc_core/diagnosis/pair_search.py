@@ -9,6 +9,7 @@ from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view,
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
+from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
@@ -122,8 +123,11 @@ def best_beside(
     wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
     candidates = candidates_for(present, split, screened, executor)
+    if not candidates:
+        return None
     # beside a first, too, what holds another as a special case must predict better than that
-    return simplest(candidates[0], candidates, split, len(causes)) if candidates else None
+    candidates = with_kin(candidates[0], candidates, present, split, wanted)
+    return simplest(candidates[0], candidates, split, len(causes))
 
 
 def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] | None:

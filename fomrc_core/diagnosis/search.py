@@ -204,7 +204,9 @@ def _better_rival(
         return None  # nothing is left that another cause could explain
     for at, step in enumerate(state.steps[:-1]):
         name = step.accepted.cause
-        for rival in step.rivals:
+        near = {rival.cause for rival in step.rivals}
+        # what holds another as a special case does as well wherever that one is right
+        for rival in sorted(step.rivals, key=lambda rival: cause_classes()[rival.cause].generalizes in near):
             if not (cause_classes()[name].is_exchangeable and cause_classes()[rival.cause].is_exchangeable):
                 continue
             if not state.model.has(name):
