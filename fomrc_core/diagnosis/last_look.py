@@ -23,7 +23,7 @@ from fomrc_core.diagnosis.decision import (
     whitened_margin_of,
 )
 from fomrc_core.diagnosis.held_out_score import held_out_score
-from fomrc_core.diagnosis.kin import kin_left_out
+from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.step import Step
@@ -134,4 +134,6 @@ def _in_place_of(
     screened = screen(present, wanted, held_view(lesser, split), executor)
     own = candidate_of(present, split, name, final, bound=step.accepted.is_bound)
     candidates = candidates_for(present, split, screened, executor, own)
+    # a special case that its own trials leave in another valley is compared from where the cause has come to
+    candidates = with_kin(own, candidates, present, split, wanted)
     return own, candidates, kin_left_out(own, present, split, causes)

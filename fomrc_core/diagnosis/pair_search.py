@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, sure_gain
+from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
+from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
@@ -49,17 +50,22 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate to accept, and the state with a first, where no one alone does.
 
     The first is the likeliest, or one that explains much of the training data: where two causes act, one of them alone
-    may do worse than none on held-out data, that show more of the other. Where no test finds anything left that
-    follows the drive, two have nothing to explain either. Beside as many as a pair already, two more would be told from
-    a record that tells no one more.
+    may do worse than none on held-out data, that show more of the other. What would be found but for noise that might
+    wander as much comes before them: what another leaves beside it, a load that comes and goes, wanders as well. Where
+    no test finds anything left that follows the drive, two have nothing to explain either. Beside as many as a pair
+    already, only what was refused is asked: two more of any kind would be told from a record that tells no one more.
     """
     candidates = asked.candidates
-    if not candidates or len(asked.state.steps) >= _MOST_BESIDE or nothing_is_left(asked.state.model, asked.split):
+    if not candidates or nothing_is_left(asked.state.model, asked.split):
         return None
     told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
-    for first in (*(c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN), *told):
+    likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
+    # whoever is accepted by its score here was refused as wander
+    refused = [c for c in candidates if is_accepted(c, asked.n_causes)][:_MOST_FIRSTS]
+    firsts = [*likeliest, *(c for c in refused if c not in likeliest), *(c for c in told if c not in refused)]
+    for first in firsts if len(asked.state.steps) < _MOST_BESIDE else refused:
         pair = _with_pair(asked, first)
         if pair is not None:
             return pair
@@ -119,7 +125,12 @@ def best_beside(
     present = PresentModel.of(model, split)
     wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
-    return next(iter(candidates_for(present, split, screened, executor)), None)
+    candidates = candidates_for(present, split, screened, executor)
+    if not candidates:
+        return None
+    # beside a first, too, what holds another as a special case must predict better than that
+    candidates = with_kin(candidates[0], candidates, present, split, wanted)
+    return simplest(candidates[0], candidates, split, len(causes))
 
 
 def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] | None:
@@ -145,6 +156,8 @@ def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
     if second is None:
         return None
     if not first.is_bound:
+        if is_accepted(first, asked.n_causes) and not is_no_wander(second, asked.split, first.cause):
+            return None
         return replace(second, score=_score_of_pair(asked.state.model, second.fitted.model, asked.split))
     is_told = is_confirmed(second.fitted, asked.split, first.cause)
     return second if is_told and is_no_wander(second, asked.split, first.cause) else None

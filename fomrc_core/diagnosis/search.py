@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -24,6 +25,7 @@ from fomrc_core.diagnosis.decision import (
 from fomrc_core.diagnosis.held_out_score import held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
+from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
@@ -176,6 +178,10 @@ def _with_finding(
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
+    in_form = in_best_form(final, split, executor) if state.steps else final
+    if in_form is not final:
+        # those it was compared with stood beside another form: the last look compares it anew
+        final, step = in_form, replace(step, margin=math.nan, whitened_margin=math.nan)
     for name in sorted(_sought_again_beside(accepted, final.model)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
@@ -204,7 +210,9 @@ def _better_rival(
         return None  # nothing is left that another cause could explain
     for at, step in enumerate(state.steps[:-1]):
         name = step.accepted.cause
-        for rival in step.rivals:
+        near = {rival.cause for rival in step.rivals}
+        # what holds another as a special case does as well wherever that one is right
+        for rival in sorted(step.rivals, key=lambda rival: cause_classes()[rival.cause].generalizes in near):
             if not (cause_classes()[name].is_exchangeable and cause_classes()[rival.cause].is_exchangeable):
                 continue
             if not state.model.has(name):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -15,6 +15,7 @@ from fomrc_core.effects.base.linear_modes import pairs_at_rest, pairs_form, run_
 from fomrc_core.effects.base.step_form import StepForm
 
 _MOST_POLES = 4
+_KINDS = [(float(n), stages) for n in range(1, _MOST_POLES + 1) for stages in (0.0, 1.0) if n > 1 or not stages]
 _N_NEWTON = 6  # to rounding
 # Ratio of neighbouring poles of stages that are all alike: equal ones have no modes of their own, and of two that
 # differ so little the response is within half a percent of that of equal ones.
@@ -86,6 +87,17 @@ class SensorBandwidth(Effect):
         poles, gains = (values[:, 0] + 1j * values[:, 1] for values in self._modes)
         return {"transport_delay": {"delay_s": -float(np.sum((gains / poles).real))}}
 
+    def other_forms(self) -> list[SensorBandwidth]:
+        """Return sensors of other poles that lag as much where all is slow."""
+        (delay_s,) = self.kin()["transport_delay"].values()
+        others = []
+        for n_poles, in_stages in _KINDS:
+            other = replace(self, n_poles=n_poles, in_stages=in_stages)
+            (other_s,) = other.kin()["transport_delay"].values()
+            if (n_poles, in_stages) != (self.n_poles, self.in_stages) and delay_s > 0.0:
+                others.append({**other.to_mapping(), "cutoff_hz": self.cutoff_hz * other_s / delay_s})
+        return self.proposed(others)
+
     @cached_property
     def _modes(self) -> tuple[Array, Array]:
         modes = stage_modes if self.in_stages else butterworth_modes
@@ -95,10 +107,9 @@ class SensorBandwidth(Effect):
     def screening(cls, evidence: Evidence) -> list[SensorBandwidth]:
         """Return cutoffs up to the sample rate, beyond which a filter hardly lags, of every kind."""
         rate = 1.0 / evidence.sample_period_s
-        kinds = [(float(n), stages) for n in range(1, _MOST_POLES + 1) for stages in (0.0, 1.0) if n > 1 or not stages]
         return cls.proposed(
             {"cutoff_hz": rate * share, "n_poles": n_poles, "in_stages": in_stages}
-            for n_poles, in_stages in kinds
+            for n_poles, in_stages in _KINDS
             for share in (0.005, 0.02, 0.08, 0.3, 0.9)
         )
 

@@ -149,6 +149,13 @@ class Cause(ABC):
         special = self.special_case()
         return {self.generalizes: special} if special else {}
 
+    def other_forms(self: AnyCause) -> Sequence[AnyCause]:
+        """Return itself in its other forms, each with the parameters nearest to it, for a fit to begin with.
+
+        Of those that differ in what no fit moves; none where a fit moves all there is.
+        """
+        return ()
+
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether records of this length and sample period [s] can show the cause with these parameters."""
         return True

@@ -15,6 +15,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.diagnosis import Diagnosis, diagnose
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.effects.dac_quantization import DacQuantization
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.fitting.joint_fit import refit
@@ -97,3 +98,17 @@ def test_a_first_with_plays_of_its_own_is_asked_after_those_without(
     assert firsts(rich, clinging, kink, poor) == ["lost_preload", "asymmetric_hysteresis"]
     # one that explains hardly more than what was accepted is no reason to ask
     assert firsts(kink, poor) == []
+
+
+def test_what_was_refused_as_wander_is_a_first_as_well(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(pair_search, "nothing_is_left", lambda *_: False)
+    monkeypatch.setattr(pair_search, "_with_pair", lambda _, first: asked.append(first.cause))
+    likeliest = replace(_candidate(split, "external_load", 1.5), is_bound=True, is_plausible=False)
+    # a warm-up by which training gains little while a load hides it, sure on held-out data all the same
+    warm = _candidate(split, "thermal_drift", 0.27)
+    unsure = replace(_candidate(split, "creep_law", 0.2), score=HeldOutScore(0.5, 0.0, 0.1, 1.0, 0.8))
+    state = SearchState(PLAIN, (), likeliest.fitted, frozenset())
+    among = pair_search.Round(state, [likeliest, warm, unsure], split, (), 31, None)
+    assert pair_search.any_pair(among) is None
+    assert asked == ["external_load", "thermal_drift"]

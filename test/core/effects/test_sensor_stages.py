@@ -43,3 +43,11 @@ def test_a_slow_ramp_is_read_as_late_as_behind_the_delay(n_poles: float, in_stag
     read_um = sensor.run(sensor.initial_state(), ramp_um, np.full(ramp_um.size, step_s))
     print(n_poles, in_stages, delay_s, ramp_um[-1] - read_um[-1])
     assert ramp_um[-1] - read_um[-1] == pytest.approx(delay_s, abs=step_s)
+
+
+def test_the_other_forms_of_a_sensor_are_read_as_late() -> None:
+    sensor = SensorBandwidth(40.0, 2.0, in_stages=1.0)
+    others = sensor.other_forms()
+    assert len({each.form() for each in (sensor, *others)}) == len(others) + 1 == 7
+    late_s = sensor.kin()["transport_delay"]["delay_s"]
+    assert [o.kin()["transport_delay"]["delay_s"] for o in others] == pytest.approx([late_s] * len(others))

@@ -1,0 +1,48 @@
+"""A sensor whose poles were counted while another cause was hidden is counted again once that one is found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.other_forms import in_best_form
+from fomrc_core.effects.dead_zone import DeadZone
+from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.joint_fit import fit_until_still
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.records.excitation import multisine
+from fomrc_core.records.recording import Recording
+
+_NOISE_UM = 1e-3
+_PLAIN = TrialModel(ColumnKinds.plays(np.array([0.0, 0.3])), np.array([1.5, 0.3]), 0.0, (), ((),))
+_TRUE = SensorBandwidth(30.0, 3.0)
+
+
+@pytest.fixture(name="split")
+def _split() -> DataSplit:
+    rate_hz = 200.0
+    drive_v = multisine(1.0, lowest_hz=0.5, highest_hz=60.0, period_s=4.0, n_periods=2, rate_hz=rate_hz).voltage_v
+    time_s = np.arange(drive_v.size) / rate_hz
+    moved_um = predict(_PLAIN.with_cause(_TRUE), FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    noise_um = np.random.default_rng(1).normal(0.0, _NOISE_UM, time_s.size)
+    return split_data((Recording(time_s, drive_v, moved_um + noise_um),), None, None, _NOISE_UM)
+
+
+def test_the_poles_of_a_sensor_are_counted_again(split: DataSplit) -> None:
+    wrong = fit_until_still(_PLAIN.with_cause(SensorBandwidth(25.0, 1.0)), split.train)
+    found = in_best_form(wrong, split, None)
+    (sensor,) = found.model.effects
+    assert isinstance(sensor, SensorBandwidth)
+    assert sensor.form() == _TRUE.form()
+    assert sensor.cutoff_hz == pytest.approx(_TRUE.cutoff_hz, rel=0.01)
+    assert found.squared_error < 0.5 * wrong.squared_error
+
+
+def test_a_form_that_is_right_stays_and_so_does_a_cause_of_one_form(split: DataSplit) -> None:
+    right = fit_until_still(_PLAIN.with_cause(_TRUE), split.train)
+    assert in_best_form(right, split, None) is right
+    zone = fit_until_still(_PLAIN.with_cause(DeadZone(0.01)), split.train)
+    assert in_best_form(zone, split, None) is zone
