@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.effects.base.contact_times import open_times
 from fomrc_core.effects.base.evidence import RecordEvidence
 from fomrc_core.effects.intermittent_contact import IntermittentContact
@@ -15,6 +19,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.drive import learned_blocks
 from fomrc_core.records.recording import Recording
 
 STEP_S = 0.01
@@ -116,3 +121,36 @@ def test_a_stage_that_creeps_on_while_the_lead_is_open_stands() -> None:
     record = RecordEvidence(time_s, steps_s, drive_v, drive_v, shown_um - drive_v)
     opens_s, closes_s = open_times(record, 1e-3)
     np.testing.assert_allclose([opens_s, closes_s], [[3.0], [3.45]], atol=1.5 * STEP_S)
+
+
+def test_an_opening_is_seen_whose_last_reading_is_off() -> None:
+    n, noise_um = 600, 0.05
+    drive_v = sweeps(n, 1)
+    # it closes where the drive turns: how far that has gone says nothing of the last two readings there
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(drive_v)))) + 2
+    last = int(next(k for k in turns if k > 200 and abs(drive_v[k] - drive_v[k - 40]) > 1.0))
+    shown_um = held(drive_v, [(last - 40, last)])
+    # by more than a reading may be from the mean of many, and less than two readings may be apart
+    shown_um[last - 1] += 4.8 * noise_um
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, drive_v, shown_um - drive_v)
+    opens_s, closes_s = open_times(record, noise_um)
+    np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * (last - 40)], [STEP_S * last]], atol=2.5 * STEP_S)
+
+
+def test_an_opening_of_a_held_out_record_is_followed_in_whichever_block_it_is() -> None:
+    n = 2400
+    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
+    inside = np.flatnonzero(~learned_blocks(n))
+    first = int(inside[np.flatnonzero(np.diff(inside, prepend=-2) != 1)[2]]) + 5
+    assert not np.any(learned_blocks(n)[first : first + 35])
+    opens_s, closes_s = float(time_s[first]) + 0.3 * STEP_S, float(time_s[first + 30]) + 0.4 * STEP_S
+    true = IntermittentContact(opens_s=(opens_s,), closes_s=(closes_s,))
+    learned = FitRecord.of(Recording(time_s, drive_v, drive_v))
+    model = _plain_with(IntermittentContact(opens_s=(2.0,), closes_s=(2.4,)))
+    model = replace(model, record_effects=(*model.record_effects, ()))
+    moved_um = predict(_plain_with(true), learned, 0) + np.random.default_rng(1).normal(0.0, 1e-3, n)
+    held_out = HeldOut(FitRecord.of(Recording(time_s, drive_v, moved_um)), 1)
+    followed = follow_held(model, DataSplit((learned,), (held_out,), (held_out,), 1e-3))
+    (lead,) = followed.record_effects[1]
+    assert isinstance(lead, IntermittentContact)
+    np.testing.assert_allclose([lead.opens_s, lead.closes_s], [[opens_s], [closes_s]], atol=0.15 * STEP_S)

@@ -38,3 +38,12 @@ def test_a_stage_that_stands_while_its_drive_moves_is_not_left_out() -> None:
     readings_um = moved_um.copy()
     readings_um[300:340] = moved_um[300]
     assert not set(_found(moved_um, readings_um)) & set(range(295, 345))
+
+
+def test_a_stage_that_stands_for_few_samples_and_creeps_is_not_left_out() -> None:
+    moved_um = _moved_um()
+    readings_um = moved_um.copy()
+    for first in (300, 700, 2100):
+        stands = slice(first, first + 8)
+        readings_um[stands] = moved_um[first] + 0.05 * (moved_um[stands] - moved_um[first])
+    assert _found(moved_um, readings_um).size == 0
