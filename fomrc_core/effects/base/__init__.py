@@ -13,6 +13,7 @@ __all__ = [
     "evidence",
     "kernels",
     "linear_modes",
+    "linear_terms",
     "parameter",
     "ringing",
     "second_order",
