@@ -11,7 +11,8 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.linear_modes import pairs_at_rest, pairs_form, run_pairs
+from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
+from fomrc_core.effects.base.pairs_beside import pairs_form
 from fomrc_core.effects.base.step_form import StepForm
 
 _MOST_POLES = 4

@@ -25,7 +25,6 @@ from fomrc_core.effects.base.terms import (
     run_terms,
     take_terms,
 )
-from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
 # what a memory says, by its power
@@ -74,14 +73,7 @@ class Unnamed(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("powers", "lags_s", "lag_powers", "thresholds"):
-            if len(getattr(self, name)) != len(self.weights_um):
-                raise ParameterError(
-                    "as many as there are weights",
-                    where=f"{self.name}.{name}",
-                    value=len(getattr(self, name)),
-                    allowed=f"{len(self.weights_um)} numbers",
-                )
+        self.check_terms("powers", "lags_s", "lag_powers", "thresholds")
 
     @property
     def can_invert(self) -> bool:  # type: ignore[override]  # of an instance: it depends on the weights

@@ -13,7 +13,6 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 from fomrc_core.effects.base.term_scales import TermScales
-from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
 _N_TURNS = 60  # of the inverse, each of which halves the error at least
@@ -56,14 +55,7 @@ class UnnamedConverter(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("periods_v", "turns", "shapes"):
-            if len(getattr(self, name)) != len(self.weights_v):
-                raise ParameterError(
-                    "as many as there are weights",
-                    where=f"{self.name}.{name}",
-                    value=len(getattr(self, name)),
-                    allowed=f"{len(self.weights_v)} numbers",
-                )
+        self.check_terms("periods_v", "turns", "shapes")
 
     @property
     def can_invert(self) -> bool:  # type: ignore[override]  # of an instance: it depends on the weights

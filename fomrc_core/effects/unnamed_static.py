@@ -20,7 +20,6 @@ from fomrc_core.effects.base.static_kernels import (
 )
 from fomrc_core.effects.base.step_form import StepForm
 from fomrc_core.effects.base.term_scales import TermScales
-from fomrc_core.errors import ParameterError
 
 _STEEPEST = 0.5  # slope that the terms may have together, against 1, where the inverse is to be sure
 _N_KNOTS = 31  # offered, evenly over twice the span
@@ -64,14 +63,7 @@ class UnnamedStatic(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("knots", "cycles", "turns"):
-            if len(getattr(self, name)) != len(self.weights_um):
-                raise ParameterError(
-                    "as many as there are weights",
-                    where=f"{self.name}.{name}",
-                    value=len(getattr(self, name)),
-                    allowed=f"{len(self.weights_um)} numbers",
-                )
+        self.check_terms("knots", "cycles", "turns")
 
     @property
     def can_invert(self) -> bool:  # type: ignore[override]  # of an instance: it depends on the weights

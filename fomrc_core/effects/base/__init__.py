@@ -14,6 +14,7 @@ __all__ = [
     "kernels",
     "linear_modes",
     "linear_terms",
+    "pairs_beside",
     "parameter",
     "ringing",
     "second_order",

@@ -243,6 +243,18 @@ class Effect(Cause):
         """Return the effect of some of the terms, with these weights [um]."""
         return self
 
+    def check_terms(self, *names: str) -> None:
+        """Raise ParameterError unless these lists have an entry for each weight of the terms."""
+        n_weights = len(getattr(self, self.main_parameter))
+        for name in names:
+            if len(getattr(self, name)) != n_weights:
+                raise ParameterError(
+                    "as many as there are weights",
+                    where=f"{self.name}.{name}",
+                    value=len(getattr(self, name)),
+                    allowed=f"{n_weights} numbers",
+                )
+
     def memory(self) -> Array:
         """Return logarithms of the times or rates that are fitted beside the weights of terms, shape (n_numbers,)."""
         return np.zeros(0)

@@ -12,14 +12,8 @@ import numpy as np
 from fomrc_core.compute.arrays import Array, ComplexArray
 from fomrc_core.effects.base.effect import Effect, Parameter
 from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
-from fomrc_core.effects.base.pairs_beside import (
-    follow_pairs_beside,
-    prepare_pairs_beside,
-    undo_pairs,
-    undo_pairs_beside,
-)
-from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm
-from fomrc_core.errors import ParameterError
+from fomrc_core.effects.base.pairs_beside import pairs_form, undo_pairs
+from fomrc_core.effects.base.step_form import StepForm
 
 LATE, NOT_YET, SWING = 0.0, 1.0, 2.0  # kinds of terms, see ``LinearTerms``
 _N_PARTS_SWINGING = 20  # of each step, as for a resonance that has a name (second_order.py)
@@ -62,14 +56,7 @@ class LinearTerms(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("decays_per_s", "swings_per_s", "kinds"):
-            if len(getattr(self, name)) != len(self.weights):
-                raise ParameterError(
-                    "as many as there are weights",
-                    where=f"{self.name}.{name}",
-                    value=len(getattr(self, name)),
-                    allowed=f"{len(self.weights)} numbers",
-                )
+        self.check_terms("decays_per_s", "swings_per_s", "kinds")
 
     # --- the terms
 
@@ -189,27 +176,7 @@ class LinearTerms(Effect):
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        poles, gains = self._modes()
-        (pole_re, pole_im), (gain_re, gain_im) = poles.T.tolist(), gains.T.tolist()
-        n = self.n_terms
-        return StepForm(
-            constants=(
-                ("pole_re", tuple(pole_re)),
-                ("pole_im", tuple(pole_im)),
-                ("gain_re", tuple(gain_re)),
-                ("gain_im", tuple(gain_im)),
-                ("through", self.through),
-            ),
-            state=(
-                StateField("re", (0.0,) * n, FieldKind.WIDE, is_array=True, comment="real parts of the modes"),
-                StateField("im", (0.0,) * n, FieldKind.WIDE, is_array=True, comment="imaginary parts"),
-                StateField("before", comment="input of the step before"),
-            ),
-            coefficients=(*((name, n) for name in ("decay_re", "decay_im", "ramp_re", "ramp_im")), "share"),
-            prepare=prepare_pairs_beside,
-            forward=follow_pairs_beside,
-            inverse=undo_pairs_beside,
-        )
+        return pairs_form(*self._modes(), self.through, is_inverted=True)
 
 
 def offered_terms(

@@ -14,7 +14,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.linear_modes import pair_weights
-from fomrc_core.effects.base.step_form import Fields, Number
+from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 
 @compiled
@@ -47,8 +47,32 @@ def undo_pairs(
         out[k] = now
 
 
-def prepare_pairs_beside(k: Fields, c: Fields, step_s: float) -> None:
-    """Fill the coefficients of a step of this length."""
+def pairs_form(poles_per_s: Array, gains: Array, through: float = 0.0, *, is_inverted: bool = False) -> StepForm:
+    """Return ``run_pairs`` and ``through`` times the input, and where wanted ``undo_pairs``, for a controller."""
+    n_pairs = poles_per_s.shape[0]
+    (pole_re, pole_im), (gain_re, gain_im) = poles_per_s.T.tolist(), gains.T.tolist()
+    return StepForm(
+        constants=(
+            ("pole_re", tuple(pole_re)),
+            ("pole_im", tuple(pole_im)),
+            ("gain_re", tuple(gain_re)),
+            ("gain_im", tuple(gain_im)),
+            ("through", through),
+        ),
+        state=(
+            StateField("re", (0.0,) * n_pairs, FieldKind.WIDE, is_array=True, comment="real parts of the modes"),
+            StateField("im", (0.0,) * n_pairs, FieldKind.WIDE, is_array=True, comment="imaginary parts"),
+            StateField("before", comment="input of the step before"),
+        ),
+        coefficients=(*((name, n_pairs) for name in ("decay_re", "decay_im", "ramp_re", "ramp_im")), "share"),
+        prepare=_prepare_pairs,
+        forward=_follow_pairs,
+        inverse=_undo_pairs if is_inverted else None,
+    )
+
+
+def _prepare_pairs(k: Fields, c: Fields, step_s: float) -> None:
+    # pair_weights of each pole
     share = c.through
     for j in range(len(c.pole_re)):
         x = c.pole_re[j] * step_s
@@ -75,8 +99,7 @@ def prepare_pairs_beside(k: Fields, c: Fields, step_s: float) -> None:
     k.share = share
 
 
-def follow_pairs_beside(s: Fields, k: Fields, c: Fields, value: float) -> Number:
-    """Return ``run_pairs`` and what comes through at once, a sample at a time."""
+def _follow_pairs(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     total = c.through * value
     for j in range(len(c.pole_re)):
         re = k.decay_re[j] * s.re[j] - k.decay_im[j] * s.im[j]
@@ -90,8 +113,7 @@ def follow_pairs_beside(s: Fields, k: Fields, c: Fields, value: float) -> Number
     return total
 
 
-def undo_pairs_beside(s: Fields, k: Fields, c: Fields, value: float) -> Number:
-    """Return ``undo_pairs``, a sample at a time."""
+def _undo_pairs(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     known = 0.0
     for j in range(len(c.pole_re)):
         re = k.decay_re[j] * s.re[j] - k.decay_im[j] * s.im[j]

@@ -23,7 +23,6 @@ from fomrc_core.effects.base.signal_kernels import (
 )
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, ramp_in_step
 from fomrc_core.effects.base.term_scales import TermScales
-from fomrc_core.errors import ParameterError
 
 STEEPEST = 0.5  # slope that terms may have together, against 1, where the inverse is to be sure
 
@@ -72,14 +71,7 @@ class SignalTerms(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("signal_powers", "powers", "lags_s"):
-            if len(getattr(self, name)) != len(self.weights_um):
-                raise ParameterError(
-                    "as many as there are weights",
-                    where=f"{self.name}.{name}",
-                    value=len(getattr(self, name)),
-                    allowed=f"{len(self.weights_um)} numbers",
-                )
+        self.check_terms("signal_powers", "powers", "lags_s")
 
     # --- the terms
 
