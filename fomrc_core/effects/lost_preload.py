@@ -13,16 +13,20 @@ from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 
 
 def _bend(c: Fields, value: float) -> Number:
-    return value + c.slope_change * min(value - c.kink_um, 0.0)
+    return value + c.slope_change * (min(value - c.kink_um, 0.0) - min(-c.kink_um, 0.0))
 
 
 def _unbend(c: Fields, value: float) -> Number:
-    return value - min(value - c.kink_um, 0.0) * (c.slope_change / (1.0 + c.slope_change))
+    bent = value + c.slope_change * min(-c.kink_um, 0.0)
+    return bent - min(bent - c.kink_um, 0.0) * (c.slope_change / (1.0 + c.slope_change))
 
 
 @dataclass(frozen=True)
 class LostPreload(Effect):
-    """A kink: below one displacement the stage moves by another share of what the actuator does."""
+    """A kink: below one displacement the stage moves by another share of what the actuator does.
+
+    Displacement is counted from rest before and behind it: a delay or a mass that follows begins at rest as well.
+    """
 
     name: ClassVar[str] = "lost_preload"
     stage: ClassVar[Stage] = Stage.MECHANICAL
@@ -52,12 +56,17 @@ class LostPreload(Effect):
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement of the stage [um], shape (n_samples,)."""
-        return np.asarray(values + self.slope_change * np.minimum(values - self.kink_um, 0.0))
+        return np.asarray(values + self.slope_change * (np.minimum(values - self.kink_um, 0.0) - self._below_at_rest))
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement of the actuator [um], exactly."""
-        below = np.minimum(values - self.kink_um, 0.0)
-        return np.asarray(values - below * (self.slope_change / (1.0 + self.slope_change)))
+        bent = values + self.slope_change * self._below_at_rest
+        below = np.minimum(bent - self.kink_um, 0.0)
+        return np.asarray(bent - below * (self.slope_change / (1.0 + self.slope_change)))
+
+    @property
+    def _below_at_rest(self) -> float:
+        return min(-self.kink_um, 0.0)
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
         """Return the changes times the slope where the displacement stands."""

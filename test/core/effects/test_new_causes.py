@@ -273,12 +273,20 @@ def test_a_large_step_creeps_by_more_of_itself(size) -> None:
 def test_kink_contact_and_backlash_by_hand() -> None:
     x, steps_s = np.array([0.0, 0.5, 1.0, 1.5, 0.9, 0.7, 1.1]), np.ones(7)
     kink = LostPreload(kink_um=1.0, slope_change=-0.5)
-    assert kink.run(kink.initial_state(), x, steps_s) == pytest.approx([0.5, 0.75, 1.0, 1.5, 0.95, 0.85, 1.1])
+    assert kink.run(kink.initial_state(), x, steps_s) == pytest.approx([0.0, 0.25, 0.5, 1.0, 0.45, 0.35, 0.6])
     contact = IntermittentContact(contact_um=1.0, stiffness_share=0.5, adhesion_um=0.2)
     wanted = [0.0, 0.5, 1.0, 1.25, 0.95, 0.7, 1.05]  # it clings at 0.9 and has let go at 0.7
     assert contact.run(contact.initial_state(), x, steps_s) == pytest.approx(wanted)
     play = Backlash(gap_um=0.4)
     assert play.run(play.initial_state(), x, steps_s) == pytest.approx([0.0, 0.3, 0.8, 1.3, 1.1, 0.9, 0.9])
+
+
+def test_what_follows_a_kink_begins_at_rest_as_the_stage_does() -> None:
+    stage = PiezoModel(np.array([1.0]), np.array([]), 0.0, (LostPreload(1.0, -0.5), TransportDelay(0.25)))
+    drive_v = np.concatenate((np.zeros(5), np.linspace(0.0, 3.0, 20)))
+    moved_um = stage.simulate(np.full(25, 0.1), drive_v)
+    np.testing.assert_array_equal(moved_um[:7], 0.0)
+    assert moved_um[-1] > 1.5
 
 
 def test_a_second_mode_is_a_resonance_and_an_antiresonance() -> None:
