@@ -11,7 +11,8 @@ from fomrc_core.effects.base.evidence import RecordEvidence
 _MEDIAN_TO_RMS = 1.4826  # of normal numbers
 _JUMP = 6.0  # rms of what changes from sample to sample: no normal number in a long record is as large
 _STANDS = 4.0  # noise: how far a reading strays from a level
-_MOST = 12  # openings of a record; more that look like it are the way of the stage, as play at every turn
+_MOST = 12  # openings of a record; more that look like it are the way of the stage, as play or a converter's steps
+_FAR_MORE = 4.0  # times what the stage misses in its own way, which is about as much each time
 _MOST_TRIED = 300  # jumps, the largest: of more the lead's are among them, or it is not what is wrong
 _LEAST_SAMPLES = 3  # that stand: two alike are chance
 _LEFT = 0.1  # of what the drive has done meanwhile: the least that is left of it when it jumps
@@ -36,6 +37,7 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     span_v = float(np.ptp(record.voltage_v))
     um_per_v = float(np.ptp(record.predicted_um)) / span_v if span_v > 0.0 else 0.0
     found: list[tuple[float, float]] = []
+    missed_um: list[float] = []
     moved_um = um_per_v * record.voltage_v
     for end in jumped:
         begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * noise_um)
@@ -64,7 +66,12 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
             if abs(open_s - found[-1][0]) > step_s:
                 continue
             found.pop()  # it still stood where it seemed to be back: the drive had come by where it was
+            missed_um.pop()
         found.append((open_s, float(0.5 * (time_s[end - 1] + time_s[end]))))
+        missed_um.append(float(np.max(np.abs(unseen_um))))
+    if len(found) > _MOST:
+        usual_um = float(np.median(missed_um))
+        found = [pair for pair, missed in zip(found, missed_um, strict=True) if missed > _FAR_MORE * usual_um]
     if len(found) > _MOST:
         return (), ()
     return tuple(pair[0] for pair in found), tuple(pair[1] for pair in found)

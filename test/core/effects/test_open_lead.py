@@ -137,6 +137,25 @@ def test_an_opening_is_seen_whose_last_reading_is_off() -> None:
     np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * (last - 40)], [STEP_S * last]], atol=2.5 * STEP_S)
 
 
+def test_openings_are_seen_beside_what_stands_and_jumps_in_its_own_way() -> None:
+    n, step_v = 2400, 0.4
+    drive_v = sweeps(n, 1)
+    firsts = [k for k in range(200, n - 100) if abs(drive_v[k + 45] - drive_v[k]) > 6.0]
+    openings = [(k, k + 45) for k in (firsts[0], next(k for k in firsts if k > firsts[0] + 800))]
+    # a coarse converter stands at each level while the drive moves on, dozens of times
+    shown_um = step_v * np.round(held(drive_v, openings) / step_v)
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, drive_v, shown_um - drive_v)
+    opens_s, closes_s = open_times(record, 1e-3)
+    # it is seen to open where the level began at which it stands
+    begins = [max(k for k in range(first) if shown_um[k] != shown_um[first]) + 1 for first, _ in openings]
+    np.testing.assert_allclose(opens_s, STEP_S * np.array(begins), atol=1.5 * STEP_S)
+    np.testing.assert_allclose(closes_s, STEP_S * np.array([last for _, last in openings]), atol=1.5 * STEP_S)
+    none = RecordEvidence(
+        record.time_s, record.steps_s, drive_v, drive_v, step_v * np.round(drive_v / step_v) - drive_v
+    )
+    assert open_times(none, 1e-3) == ((), ())
+
+
 def test_an_opening_of_a_held_out_record_is_followed_in_whichever_block_it_is() -> None:
     n = 2400
     drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
