@@ -62,7 +62,7 @@ def kin_left_out(
 
 
 def _kin_of(winner: Candidate) -> Mapping[str, Mapping[str, float]]:
-    effect = next((e for e in winner.fitted.model.effects if e.name == winner.cause), None)
+    effect = next((e for e in winner.fitted.model.actuator_effects() if e.name == winner.cause), None)
     return {} if effect is None else effect.kin()
 
 

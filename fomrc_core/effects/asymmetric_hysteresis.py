@@ -155,6 +155,22 @@ class AsymmetricHysteresis(Effect):
                 break
         return drive
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the amplifier that ends where a way from zero is broken off most: plays with a knee can be that too.
+
+        Upward a play begins to count at its threshold and knee together, and breaks the way off with a negative weight;
+        downward it ceases there, and does so with a positive one.
+        """
+        thresholds_v, knees_v, weights = self.plays()
+        up, down = np.where(knees_v >= 0.0, -weights, 0.0), np.where(knees_v < 0.0, weights, 0.0)
+        if not max(np.max(up, initial=0.0), np.max(down, initial=0.0)) > 0.0:
+            return {}
+        if np.max(up) >= np.max(down):
+            at = int(np.argmax(up))
+            return {"amplifier_saturation": {"high_v": float(knees_v[at] + thresholds_v[at])}}
+        at = int(np.argmax(down))
+        return {"amplifier_saturation": {"low_v": float(knees_v[at] - thresholds_v[at])}}
+
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return what is added to the elements' sum [um], shape (n_samples,), for the warped drive [V]."""
         out = np.empty(values.size)

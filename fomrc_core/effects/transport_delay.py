@@ -99,6 +99,21 @@ class TransportDelay(Effect):
         """Return whether nothing is delayed."""
         return self.delay_s == 0.0
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the hold, and the sensor of four poles, that lag as much where all is slow.
+
+        A hold lags by half of its time. A Butterworth sensor's denominator begins 1 + b s + b^2 s^2 / 2 as a delay's
+        does, b twice the sum of the sines of its poles' angles over the cutoff.
+        """
+        if not self.delay_s > 0.0:
+            return {}
+        lag = 2.0 * (math.sin(math.pi / 8.0) + math.sin(3.0 * math.pi / 8.0))
+        cutoff_hz = lag / (2.0 * math.pi * self.delay_s)
+        return {
+            "zero_order_hold": {"hold_s": 2.0 * self.delay_s},
+            "sensor_bandwidth": {"cutoff_hz": cutoff_hz, "n_poles": 4.0, "in_stages": 0.0},
+        }
+
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
         n_parts = min(math.ceil(self.delay_s / shortest_part_s) + _ROOM, DELAY_CAPACITY)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,10 +14,13 @@ from fomrc_core.diagnosis.decision import margin_of
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.drive_resonance import DriveResonance
 from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.lost_preload import LostPreload
+from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
+from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
 from fomrc_core.fitting.fit_record import FitRecord
@@ -108,3 +112,58 @@ def test_a_law_of_creep_is_near_to_its_largest_relaxation() -> None:
     law = CreepLaw(first_share=0.1, first_s=0.2, second_share=0.3, second_s=4.0)
     assert law.kin() == {"slow_relaxation": {"amplitude": 0.3, "time_constant_s": 4.0}}
     assert CreepLaw(per_decade=0.1).kin() == {}
+
+
+def test_a_delay_is_near_to_the_hold_and_the_sensor_that_lag_as_much() -> None:
+    delay = TransportDelay(delay_s=0.02)
+    kin = delay.kin()
+    assert kin["zero_order_hold"]["hold_s"] == pytest.approx(0.04)
+    sensor = SensorBandwidth(**kin["sensor_bandwidth"])
+    # and back again
+    assert sensor.kin()["transport_delay"]["delay_s"] == pytest.approx(0.02, rel=1e-9)
+    assert TransportDelay(delay_s=0.0).kin() == {}
+
+
+def test_plays_that_count_no_further_from_one_voltage_on_are_near_to_an_amplifier_that_ends_there() -> None:
+    plays = {"thresholds_v": (0.0, 1.0, 0.0, 0.5), "knees_v": (1.0, 2.0, -1.0, -2.5)}
+
+    def moved_um(effect: AsymmetricHysteresis, *drive_v: float) -> np.ndarray:
+        return effect.run(effect.initial_state(), np.array(drive_v), np.full(len(drive_v), 0.01))
+
+    up = AsymmetricHysteresis(**plays, weights_um_per_v=(0.02, -1.0, -0.01, 0.1))
+    assert up.kin() == {"amplifier_saturation": {"high_v": 3.0}}
+    # beside a way of one um per volt they count from there on, and take what it gains
+    assert moved_um(up, 0.0, 2.9, 3.0, 5.0) == pytest.approx([0.0, 0.249, 0.26, -1.52])
+    down = AsymmetricHysteresis(**plays, weights_um_per_v=(0.02, -0.1, 0.2, 0.9))
+    assert down.kin() == {"amplifier_saturation": {"low_v": -3.0}}
+    # all there is of the way ends there
+    assert moved_um(down, 0.0, -2.9, -3.0, -5.0) == pytest.approx([0.0, -2.36, -2.45, -2.45])
+    assert AsymmetricHysteresis(warp_per_v=0.1).kin() == {}, "a bend that is nowhere"
+
+
+def test_plays_are_compared_with_the_amplifier_that_ends_where_they_break_off() -> None:
+    def recorded(seed: int) -> Recording:
+        rng = np.random.default_rng(seed)
+        time_s = 0.02 * np.arange(2500)
+        voltage_v = np.sum(
+            [
+                np.sin(2.0 * np.pi * f * time_s + p)
+                for f, p in zip((0.07, 0.19, 0.43), rng.uniform(0, 6, 3), strict=True)
+            ],
+            axis=0,
+        )
+        return Recording(time_s, voltage_v, 2.0 * np.minimum(voltage_v, 1.7) + rng.normal(0.0, 2e-3, time_s.size))
+
+    split = split_data((recorded(1),), recorded(2), None, 2e-3)
+    plain = TrialModel(ColumnKinds.plays(np.array([0.0, 0.5])), np.array([2.0, 0.0]), 0.0, (), ((),))
+    present = PresentModel.of(plain, split)
+    knees = AsymmetricHysteresis(thresholds_v=(0.0,) * 3, knees_v=(0.5, 1.6, 2.2), weights_um_per_v=(0.0, 0.0, 0.0))
+    begun = replace(
+        plain.with_cause(AsymmetricHysteresis()),
+        columns=plain.columns.joined(ColumnKinds.plays_of(knees)),
+        weights=np.concatenate((plain.weights, np.zeros(3))),
+    )
+    winner = candidate_of(present, split, knees.name, refit(begun, split.train), bound=False)
+    (amplifier,) = kin_left_out(winner, present, split, ("asymmetric_hysteresis",))
+    assert amplifier.cause == "amplifier_saturation"
+    assert margin_of(winner, [winner, amplifier], split) < 0.0
