@@ -61,6 +61,7 @@ class Candidate:
             that repeats.
         before: what the model without it leaves of the training records [um].
         held_before: the same of the held-out data.
+        is_unconfirmed: whether it would be plausible if any record confirmed it, as a drift that noise might be.
     """
 
     cause: str
@@ -74,6 +75,7 @@ class Candidate:
     is_distinguishable: bool = True
     before: tuple[Array, ...] = ()
     held_before: tuple[Array, ...] = ()
+    is_unconfirmed: bool = False
 
     @property
     def brings_plays(self) -> bool:
@@ -259,7 +261,7 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
     step = min(float(np.median(record.steps_s)) for record in split.train)
     acting = (c for at, c in fitted.model.found() if at is None or at < len(split.train))
     is_plausible = all(c.is_plausible(longest, step) for c in acting)
-    is_plausible = is_plausible and (not bound or is_confirmed(fitted, split, cause))
+    is_unconfirmed = is_plausible and bound and not is_confirmed(fitted, split, cause)
     train_gain = math.log(present.squared_error / fitted.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
     score = held_out_score(before, after)
@@ -270,11 +272,12 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
         train_gain,
         tuple(after),
         n_free,
-        is_plausible,
+        is_plausible and not is_unconfirmed,
         bound,
         is_distinguishable,
         present.residuals_um,
         tuple(before),
+        is_unconfirmed,
     )
 
 

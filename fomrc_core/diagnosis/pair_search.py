@@ -58,12 +58,12 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     candidates = asked.candidates
     if not candidates or nothing_is_left(asked.state.model, asked.split):
         return None
-    told = [c for c in candidates[1:] if c.is_plausible and not c.is_bound and not c.brings_plays]
+    likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
+    told = [c for c in candidates if c.is_plausible and not c.is_bound and not c.brings_plays and c not in likeliest]
     told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
-    likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
-    # whoever is accepted by its score here was refused as wander
-    refused = [c for c in candidates if is_accepted(c, asked.n_causes)][:_MOST_FIRSTS]
+    # whoever is accepted by its score here was refused as wander, by a record or by the likelihood of what is left
+    refused = [c for c in candidates if _is_accepted_but_for_wander(c, asked.n_causes)][:_MOST_FIRSTS]
     firsts = [*likeliest, *(c for c in refused if c not in likeliest), *(c for c in told if c not in refused)]
     for first in firsts if len(asked.state.steps) < _MOST_BESIDE else refused:
         pair = _with_pair(asked, first)
@@ -79,7 +79,10 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     there for what the other record shows of two.
     """
     accepted, best = chosen[1], None
-    for first in _firsts_beside(accepted, asked.candidates, asked.split):
+    # what would have been chosen but for noise that might wander as much, others still hidden, wanders less beside them
+    louder = [c for c in asked.candidates if c.is_unconfirmed and c.total_gain > accepted.total_gain]
+    refused = [c for c in louder if _is_accepted_but_for_wander(c, asked.n_causes)][:1]
+    for first in [*_firsts_beside(accepted, asked.candidates, asked.split), *refused]:
         pair = _with_pair(asked, first)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue
@@ -108,6 +111,11 @@ def _firsts_beside(accepted: Candidate, candidates: list[Candidate], split: Data
     plain = [c for c in plain if c is not accepted and c.train_log_gain > accepted.train_log_gain]
     plain = [c for c in plain if not _is_general_for_nothing(c, plain, split)]
     return [*plain[:_MOST_FIRSTS], *rich]
+
+
+def _is_accepted_but_for_wander(candidate: Candidate, n_causes: int) -> bool:
+    """Return whether nothing speaks against it but that noise might wander as much while others are hidden."""
+    return is_accepted(replace(candidate, is_plausible=candidate.is_plausible or candidate.is_unconfirmed), n_causes)
 
 
 def _is_general_for_nothing(candidate: Candidate, others: list[Candidate], split: DataSplit) -> bool:

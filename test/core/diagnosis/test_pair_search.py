@@ -112,3 +112,31 @@ def test_what_was_refused_as_wander_is_a_first_as_well(split: DataSplit, monkeyp
     among = pair_search.Round(state, [likeliest, warm, unsure], split, (), 31, None)
     assert pair_search.any_pair(among) is None
     assert asked == ["external_load", "thermal_drift"]
+
+
+def test_what_explains_most_in_training_is_a_first_although_it_loses_held_out(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(pair_search, "nothing_is_left", lambda *_: False)
+    monkeypatch.setattr(pair_search, "_with_pair", lambda _, first: asked.append(first.cause))
+    mode = replace(_candidate(split, "second_mode", 3.9), score=HeldOutScore(-0.4, 0.0, 0.9, 1.0, 1.2))
+    poor = replace(_candidate(split, "creep_law", 0.1), score=HeldOutScore(-0.4, 0.0, 0.9, 1.0, 1.2))
+    among = pair_search.Round(SearchState(PLAIN, (), mode.fitted, frozenset()), [mode, poor], split, (), 31, None)
+    assert pair_search.any_pair(among) is None
+    assert asked == ["second_mode"]
+
+
+def test_a_drift_that_only_wander_speaks_against_is_asked_with_a_second_before_a_lesser_cause_is_taken(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(pair_search, "_with_pair", lambda _, first: asked.append(first.cause))
+    leak = _candidate(split, "charge_leak", 1.0)
+    drift = replace(_candidate(split, "thermal_drift", 1.2), is_bound=True, is_plausible=False, is_unconfirmed=True)
+    backwards = replace(_candidate(split, "external_load", 1.2), is_bound=True, is_plausible=False)
+    among = pair_search.Round(
+        SearchState(PLAIN, (), leak.fitted, frozenset()), [drift, backwards, leak], split, (), 31, None
+    )
+    assert pair_search.or_pair((among.state, leak), among) == (among.state, leak)
+    assert asked == ["thermal_drift"]
