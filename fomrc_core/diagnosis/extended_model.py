@@ -8,7 +8,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, signed_weights
-from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.search import SearchResult
 from fomrc_core.effects import Effect
@@ -49,7 +49,9 @@ def never_worse(
 
     What a search fits has weights of either sign; what is written must have those of Maxwell elements. A cause whose
     gain was owed to weights no element can have is no finding: the last is given back until the model gains. So it is
-    where the model does surely worse on the record that is quoted. Where nothing is found the base stands as it is.
+    where the model does surely worse on the record that is quoted, than the base or than without the last: of a record
+    that neither taught nor chose, what surely loses there has none of its gain from what it is named for. Where nothing
+    is found the base stands as it is.
 
     Args:
         found: causes found.
@@ -60,7 +62,7 @@ def never_worse(
     before = replace(_extend(base, split), is_base=True)
     while found.steps or has_elements:
         extension = _fitted(found.model, split)
-        if is_no_worse(extension.trial, before.trial, split):
+        if is_no_worse(extension.trial, before.trial, split) and not _is_denied(found, extension.trial, split):
             return found, extension
         if not found.steps:
             break
@@ -69,6 +71,15 @@ def never_worse(
         model = follow_held(final.model, split)
         found = replace(found, model=model, final=final, steps=found.steps[:-1], runner_up=last.accepted)
     return found, before
+
+
+def _is_denied(found: SearchResult, model: TrialModel, split: DataSplit) -> bool:
+    """Return whether the quoted record, where it is a third one, is predicted surely worse with the last finding."""
+    chose = {part.index for part in split.held}
+    if not found.steps or any(part.index in chose or part.index < len(split.train) for part in split.report):
+        return False
+    with_it, without = (_squares(quoted_residuals(each, split.report)) for each in (model, found.steps[-1].before))
+    return with_it > _SURELY_WORSE * without
 
 
 def is_no_worse(model: TrialModel, base: TrialModel, split: DataSplit) -> bool:

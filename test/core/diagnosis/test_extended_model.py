@@ -12,11 +12,14 @@ from fomrc_core.diagnosis.extended_model import never_worse
 from fomrc_core.diagnosis.search import SearchResult
 
 
-def _kept(monkeypatch: pytest.MonkeyPatch, held_um: dict[str, float], quoted_um: dict[str, float]) -> tuple[int, bool]:
+def _kept(
+    monkeypatch: pytest.MonkeyPatch, held_um: dict[str, float], quoted_um: dict[str, float], n_records: int = 2
+) -> tuple[int, bool]:
     """Return how many of two findings stand, and whether the base does, for errors of each model."""
-    split = SimpleNamespace(held="held", report="quoted", train=())
-    left = {"held": held_um, "quoted": quoted_um}
-    monkeypatch.setattr(extended_model, "held_residuals", lambda model, part: [np.full(10, left[part][model])])
+    parts = [SimpleNamespace(index=1, left=held_um), SimpleNamespace(index=n_records - 1, left=quoted_um)]
+    split = SimpleNamespace(held=(parts[0],), report=(parts[1],), train=("train",))
+    monkeypatch.setattr(extended_model, "held_residuals", lambda m, part: [np.full(10, part[0].left[m])])
+    monkeypatch.setattr(extended_model, "quoted_residuals", lambda m, part: [np.full(10, part[0].left[m])])
     monkeypatch.setattr(extended_model, "_extend", lambda model, _: extended_model.Extension(None, model))
     monkeypatch.setattr(extended_model, "_fitted", lambda model, _: extended_model.Extension(None, model))
     monkeypatch.setattr(extended_model, "refit", lambda model, *_, **__: SimpleNamespace(model=model))
@@ -35,3 +38,11 @@ def test_a_finding_that_does_worse_where_it_is_quoted_is_given_back(monkeypatch:
         "as good, as far as one can tell"
     )
     assert _kept(monkeypatch, {**held, "two": 3.1}, {"base": 3.0, "one": 2.0, "two": 1.0}) == (1, False)
+
+
+def test_what_a_third_record_denies_is_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    held, quoted = {"base": 3.0, "one": 2.0, "two": 1.0}, {"base": 3.0, "one": 2.0, "two": 2.5}
+    assert _kept(monkeypatch, held, quoted, n_records=3) == (1, False)
+    # the record that chose between the two has said so already
+    assert _kept(monkeypatch, held, quoted, n_records=2) == (2, False)
+    assert _kept(monkeypatch, held, {**quoted, "two": 2.05}, n_records=3) == (2, False), "a little is no denial"
