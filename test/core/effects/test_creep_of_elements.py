@@ -15,6 +15,8 @@ from fomrc_core.fitting.joint_fit import fit_until_still
 from fomrc_core.fitting.linear_part import record_columns
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.dynamic_inverse import DynamicInverse
+from fomrc_core.model.known_target import KnownTarget
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.excitation import multisine
 from fomrc_core.records.recording import Recording
@@ -132,3 +134,13 @@ def test_a_fit_of_it_leaves_less_than_one_of_plays_of_the_displacement(settling)
     ways += (AmplitudeDependentCreep(0.0, 0.01, switched_per_decade=0.01, reach_um=6.0),)
     errors = [fit_until_still(base.with_cause(way), records).squared_error for way in ways]
     assert errors[0] < 0.7 * errors[1]
+
+
+def test_a_target_known_as_a_whole_is_reached_beside_it() -> None:
+    plain = PiezoModel([1.5, 3.0, 1.0], [1.5, 2.0], 0.02)
+    effect = _EFFECT.beside_elements(plain.play_form.thresholds, plain.play_form.weights, plain.creep_order)
+    time_s = 1e-2 * np.arange(800)
+    desired_um = 3.0 * np.sin(0.5 * np.pi * time_s) * np.minimum(1.0, time_s)
+    found = DynamicInverse(plain.with_effects(effect)).run(KnownTarget(time_s, 1e-2, desired_um))
+    assert not found.not_inverted
+    assert np.max(np.abs(found.reached_um - desired_um)[found.n_first :]) < 1e-3
