@@ -178,7 +178,7 @@ def signature(model: TrialModel, record: FitRecord, index: int, cause: Cause, pr
     """Return by how much an instance changes the displacement [um], shape (n_samples,), jumps alone divided."""
     if isinstance(cause, Effect):
         # what comes after hysteresis and creep acts on their sum; the past moves its state, too
-        is_after_past = cause.stage is Stage.MECHANICAL and model.start_of(index) is None
+        is_after_past = cause.stage is Stage.MECHANICAL and model.start_of(index) is None and not cause.follows_elements
         if cause.stage is Stage.SENSED or is_after_past:
             covariate = record.covariates.of(cause.covariate)
             return cause.run(cause.initial_state(), predicted_um, record.steps_s, covariate) - predicted_um

@@ -14,22 +14,21 @@ from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
+from fomrc_core.errors import ParameterError
 
 _N_PLAYS = 12  # of the switching part: twice as many change it by less than a hundredth
 _REACHES = (1.0, 0.6, 0.35)  # offered, shares of the largest displacement
+_FIRST = 1e-4  # of the onset: the shortest time in which elements creep more
 
 
 @compiled
-def _run_switching(plays: Array, reach_um: float, values: Array, out: Array) -> None:
-    # Rayleigh's picture: as many domains for each threshold up to the reach.
-    n_plays = plays.size
+def _run_switching(plays: Array, thresholds: Array, weights: Array, values: Array, out: Array) -> None:
     for k in range(values.size):
         total = 0.0
-        for j in range(n_plays):
-            threshold = reach_um * (j + 1) / n_plays
-            plays[j] = min(max(plays[j], values[k] - threshold), values[k] + threshold)
-            total += plays[j]
-        out[k] = total / n_plays
+        for j in range(plays.size):
+            plays[j] = min(max(plays[j], values[k] - thresholds[j]), values[k] + thresholds[j])
+            total += weights[j] * plays[j]
+        out[k] = total
 
 
 def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float) -> Number:
@@ -48,13 +47,36 @@ def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float) -> Number:
     return total
 
 
+def _creep_of_elements(s: Fields, k: Fields, c: Fields, value: float, drive_v: float) -> Number:
+    # the same, and of what the elements have switched
+    source = c.per_um * value * abs(value)
+    total = 0.0
+    for j in range(len(c.thresholds_um)):
+        s.plays[j] = min(max(s.plays[j], value - c.thresholds_um[j]), value + c.thresholds_um[j])
+        total = total + s.plays[j]
+    source = source + c.switched * (total / len(c.thresholds_um))
+    for j in range(len(c.thresholds_v)):
+        s.elements[j] = min(max(s.elements[j], drive_v - c.thresholds_v[j]), drive_v + c.thresholds_v[j])
+        source = source + c.weights[j] * s.elements[j]
+    total = value + c.through * source
+    for j in range(len(c.rates)):
+        mode = s.modes[j] + (k.ramp[j] * source + (k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
+        s.modes[j] = mode
+        total = total + c.gains[j] * mode
+    s.before = source
+    return total
+
+
 @dataclass(frozen=True)
 class AmplitudeDependentCreep(Effect):
     """Creep that is more than in proportion beside the creep that is; exact between samples.
 
     After a step x it adds per_decade_per_um |x| x log10(1 + t / onset_s); or what has switched, the mean of plays of
     the displacement of all thresholds up to a reach (Rayleigh), creeps by switched_per_decade of itself, whatever level
-    it begins at.
+    it begins at; or what the model's own elements have switched, each play of threshold r by elements_per_decade
+    (r / reach_v)^steepness of itself: the wider, the higher the barrier. Elements creep more by the law by which they
+    creep, with its order alpha by ((t / onset_s)^alpha - 1) / (alpha ln 10), which is the logarithm where alpha is
+    zero: their weights are what they are at the onset, and less before it.
     """
 
     name: ClassVar[str] = "amplitude_dependent_creep"
@@ -65,11 +87,17 @@ class AmplitudeDependentCreep(Effect):
         Parameter("onset_s", "s", 1e-12, 1e9, is_log=True, description="time after a step from which it grows so"),
         Parameter("switched_per_decade", "1", -1e3, 1e3, description="growth of what has switched in each decade"),
         Parameter("reach_um", "um", 1e-9, 1e9, is_log=True, description="largest threshold of what switches"),
+        Parameter("elements_per_decade", "1", -1e3, 1e3, description="growth of an element as wide as reach_v"),
+        Parameter("steepness", "1", 0.0, 4.0, description="power of the threshold by which wider elements grow more"),
+        Parameter("reach_v", "V", 1e-9, 1e9, is_log=True, description="threshold of the element that grows so"),
+        Parameter("creep_order", "1", 0.0, 0.5, description="order of the law of growth, 0 for the logarithm"),
+        Parameter("thresholds_v", "V", 0.0, 1e9, is_list=True, description="half widths of the elements' plays"),
+        Parameter("weights_um_per_v", "um/V", -1e9, 1e9, is_list=True, description="their weights"),
     )
     main_parameter: ClassVar[str] = "per_decade_per_um"
-    linear_parameters: ClassVar[tuple[str, ...]] = ("per_decade_per_um", "switched_per_decade")
+    linear_parameters: ClassVar[tuple[str, ...]] = ("per_decade_per_um", "switched_per_decade", "elements_per_decade")
     # drive and elements hide when it begins: left to a fit it goes to any time shorter than a sample
-    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s",)
+    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s", "reach_v", "creep_order")
     meaning: ClassVar[str] = "Strong fields move domains that weak ones leave: large steps creep by more per cent."
     signature: ClassVar[str] = "after large steps the residual creeps on, after small ones it creeps back"
     experiment: ClassVar[str] = "steps of several sizes from the same level, each held for two decades of time"
@@ -80,33 +108,95 @@ class AmplitudeDependentCreep(Effect):
     onset_s: float
     switched_per_decade: float = 0.0
     reach_um: float = 1.0
+    elements_per_decade: float = 0.0
+    steepness: float = 1.0
+    reach_v: float = 1.0
+    creep_order: float = 0.0
+    thresholds_v: tuple[float, ...] = ()
+    weights_um_per_v: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.thresholds_v) != len(self.weights_um_per_v):
+            raise ParameterError(
+                "lists differ in length",
+                where=self.name,
+                value=(len(self.thresholds_v), len(self.weights_um_per_v)),
+                allowed="two lists of one length",
+            )
+
+    @property
+    def follows_elements(self) -> bool:
+        """Whether what the elements have switched creeps."""
+        return self.elements_per_decade != 0.0
+
+    def beside_elements(self, thresholds_v: Array, weights_um_per_v: Array, creep_order: float) -> Effect:
+        """Return the effect of these elements."""
+        return replace(
+            self,
+            creep_order=min(creep_order, self.parameter("creep_order").upper),
+            thresholds_v=tuple(float(threshold) for threshold in thresholds_v),
+            weights_um_per_v=tuple(float(weight) for weight in weights_um_per_v),
+        )
 
     def free_names(self) -> tuple[str, ...]:
-        """Return the size of what there is, and of what switches its reach."""
-        names = super().free_names()
-        return names if self.switched_per_decade != 0.0 else tuple(name for name in names if name != "reach_um")
+        """Return the size of what there is, of what switches its reach, and of elements how much more wide ones do."""
+        absent = set()
+        if self.switched_per_decade == 0.0:
+            absent.add("reach_um")
+        if self.elements_per_decade == 0.0:
+            absent.add("steepness")
+        return tuple(name for name in super().free_names() if name not in absent)
 
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether wider motion creeps more: less is a correction of the creep order, and no cause."""
-        return self.per_decade_per_um > 0.0 or self.switched_per_decade > 0.0
+        return any(getattr(self, name) > 0.0 for name in self.linear_parameters)
+
+    def _modes(self) -> tuple[Array, Array, float]:
+        """Return rates [1/s] and gains of the growth in each decade, and what it is at once.
+
+        The power of time is the integral of the logarithm's modes, each with its rate times its beginning to minus the
+        order, over Gamma(1 - order): Frullani's integral with another power of the rate.
+        """
+        if not self.follows_elements:
+            rates, gains = logarithmic_modes(self.onset_s)
+            return rates, gains / math.log(10.0), 0.0
+        first_s, order = _FIRST * self.onset_s, self.creep_order
+        rates, gains = logarithmic_modes(first_s)
+        slower = _FIRST**order * (rates * first_s) ** -order / math.gamma(1.0 - order)
+        until_onset = math.log1p(1.0 / _FIRST)
+        at_once = math.expm1(order * until_onset) / order if order > 0.0 else until_onset
+        return rates, gains * slower / math.log(10.0), -(_FIRST**order) * at_once / math.log(10.0)
 
     def initial_state(self) -> Array:
-        """Return (source, then each mode) [um] of the step before, and each play [um], at rest."""
-        return np.concatenate((modes_at_rest(logarithmic_modes(self.onset_s)[0].size), np.zeros(_N_PLAYS)))
+        """Return (source, then each mode) [um] of the step before, each play [um], and each element's [V], at rest."""
+        n_plays = _N_PLAYS + len(self.thresholds_v)
+        return np.concatenate((modes_at_rest(self._modes()[0].size), np.zeros(n_plays)))
 
     def _crept(self, state: Array, source: Array, steps_s: Array) -> Array:
-        rates, gains = logarithmic_modes(self.onset_s)
         out = np.empty(source.size)
-        run_modes(state, rates, gains / math.log(10.0), 0.0, source, steps_s, out)
+        run_modes(state, *self._modes(), source, steps_s, out)
         return out
 
-    def _source(self, plays: Array, values: Array) -> Array:
+    def _growths(self, thresholds_v: Array) -> Array:
+        """Return by what share elements of these thresholds [V] grow in each decade, of their shape."""
+        return np.asarray(self.elements_per_decade * (thresholds_v / self.reach_v) ** self.steepness)
+
+    def _source(self, plays: Array, values: Array, drive_v: Array | None) -> Array:
         """Return what creeps beyond proportion, times its share in each decade [um]; the plays move on."""
         source = self.per_decade_per_um * values * np.abs(values)
+        switched = np.empty(values.size)
         if self.switched_per_decade != 0.0:
-            switched = np.empty(values.size)
-            _run_switching(plays, self.reach_um, values, switched)
-            source = source + self.switched_per_decade * switched
+            # Rayleigh's picture: as many domains for each threshold up to the reach
+            thresholds_um = self.reach_um * np.arange(1, _N_PLAYS + 1) / _N_PLAYS
+            weights = np.full(_N_PLAYS, self.switched_per_decade / _N_PLAYS)
+            _run_switching(plays[:_N_PLAYS], thresholds_um, weights, values, switched)
+            source = source + switched
+        if self.elements_per_decade != 0.0 and drive_v is not None:
+            thresholds_v = np.array(self.thresholds_v)
+            weights = np.array(self.weights_um_per_v) * self._growths(thresholds_v)
+            _run_switching(plays[_N_PLAYS:], thresholds_v, weights, drive_v, switched)
+            source = source + switched
         return np.asarray(source)
 
     def undo_known(self, wanted: Array, course: Course) -> Array:
@@ -115,8 +205,8 @@ class AmplitudeDependentCreep(Effect):
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement that has crept [um], shape (n_samples,)."""
-        n_modes = state.size - _N_PLAYS
-        source = self._source(state[n_modes:], values)
+        n_modes = state.size - _N_PLAYS - len(self.thresholds_v)
+        source = self._source(state[n_modes:], values, covariate)
         return np.asarray(values + self._crept(state[:n_modes], source, steps_s))
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
@@ -124,17 +214,26 @@ class AmplitudeDependentCreep(Effect):
         if values is None or self.per_decade_per_um == 0.0:
             return changes
         passed = changes.copy()
+        rest = modes_at_rest(self._modes()[0].size)
         for column in range(changes.shape[1]):
             squares = np.ascontiguousarray(2.0 * self.per_decade_per_um * np.abs(values) * changes[:, column])
-            passed[:, column] += self._crept(self.initial_state()[:-_N_PLAYS], squares, steps_s)
+            passed[:, column] += self._crept(rest.copy(), squares, steps_s)
         return np.asarray(passed)
+
+    def of_plays(self, thresholds_v: Array, plays_v: Array, steps_s: Array) -> Array:
+        """Return the creep of each play, as much as its threshold asks for."""
+        added = np.empty(plays_v.shape, order="F")
+        growths = self._growths(thresholds_v)
+        for column in range(plays_v.shape[1]):
+            one = np.ascontiguousarray(growths[column] * plays_v[:, column])
+            added[:, column] = self._crept(modes_at_rest(self._modes()[0].size), one, steps_s)
+        return added
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
-        rates, gains = logarithmic_modes(self.onset_s)
-        form = modes_form(rates, gains / math.log(10.0), 0.0, is_inverted=False)
+        form = modes_form(*self._modes(), is_inverted=False)
         thresholds_um = tuple(self.reach_um * (j + 1) / _N_PLAYS for j in range(_N_PLAYS))
-        return replace(
+        form = replace(
             form,
             constants=(
                 *form.constants,
@@ -144,6 +243,16 @@ class AmplitudeDependentCreep(Effect):
             ),
             state=(*form.state, StateField("plays", (0.0,) * _N_PLAYS, is_array=True, comment="of the displacement")),
             forward=_creep_by_source,
+        )
+        if not self.follows_elements or not self.thresholds_v:
+            return form
+        weights = np.array(self.weights_um_per_v) * self._growths(np.array(self.thresholds_v))
+        elements = StateField("elements", (0.0,) * weights.size, is_array=True, comment="of the drive [V]")
+        return replace(
+            form,
+            constants=(*form.constants, ("thresholds_v", self.thresholds_v), ("weights", tuple(weights.tolist()))),
+            state=(*form.state, elements),
+            forward=_creep_of_elements,
         )
 
     @classmethod
@@ -157,4 +266,10 @@ class AmplitudeDependentCreep(Effect):
         sizes: list[dict[str, float]] = [{"per_decade_per_um": 1e-3 / stroke_um}]
         for share in _REACHES:
             sizes.append({"per_decade_per_um": 0.0, "switched_per_decade": 1e-3, "reach_um": share * largest_um})
-        return cls.proposed({**size, "onset_s": onset} for size in sizes for onset in onsets_s)
+        trials = [{**size, "onset_s": onset} for size in sizes for onset in onsets_s]
+        reach_v = max(evidence.largest_v, -evidence.smallest_v)
+        # counted from the middle of the times there are, so that the elements' weights stay where they are
+        middle_s = math.sqrt(step_s * evidence.duration_s)
+        of_elements = {"per_decade_per_um": 0.0, "elements_per_decade": 1e-2, "reach_v": reach_v}
+        trials.append({**of_elements, "onset_s": middle_s})
+        return cls.proposed(trials)

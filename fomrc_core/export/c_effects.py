@@ -12,7 +12,14 @@ from fomrc_core.export.options import Precision
 from fomrc_core.export.parts import EffectPart
 from fomrc_core.export.plan import ExportPlan
 from fomrc_core.export.template import read_template, render
-from fomrc_core.export.translation import FAILURE, Surroundings, Translated, helper_function, step_function
+from fomrc_core.export.translation import (
+    FAILURE,
+    Surroundings,
+    Translated,
+    helper_function,
+    parameters_of,
+    step_function,
+)
 
 
 def declarations(fields: Iterable[StateField], plan: ExportPlan) -> str:
@@ -131,6 +138,11 @@ def added_calls(plan: ExportPlan, kind: str, target: str, value: str, step: str)
     )
 
 
+def hears_drive(part: EffectPart) -> bool:
+    """Return whether what an effect answers depends on the drive as the elements see it, beside its input."""
+    return part.form.forward is not None and "drive_v" in parameters_of(part.form.forward)
+
+
 def may_fail(part: EffectPart, kind: str) -> bool:
     """Return whether a function of an effect may have no answer."""
     return getattr(part.form, kind) is not None and FAILURE in _function(part, kind).needs
@@ -141,6 +153,7 @@ def _call(part: EffectPart, kind: str, step: str, value: str = "value") -> str:
         "s": f"&state->{part.name}",
         "k": f"&k->{part.name}",
         "value": f"(double){value}",
+        "drive_v": "(double)heard_v",
         "step_s": step,
         "covariate": f"(double)state->{part.covariate}",
         "is_known": f"(int)state->knows_{part.covariate}",

@@ -75,6 +75,7 @@ def conditions(plan: ExportPlan) -> set[str]:
         "signals": any(part.covariate for part in plan.parts),
         "started": bool(plan.forward_start),
         "widened": is_widened,
+        "heard": options.is_forward and any(c_effects.hears_drive(part) for part in plan.parts),
         "bends": plan.steps.substeps is Substeps.BENDS,
     }
     return {name for name, is_true in holds.items() if is_true}

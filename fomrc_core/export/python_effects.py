@@ -83,6 +83,7 @@ def _call(part: EffectPart, kind: str, step: str) -> str:
         "k": f"k[{part.name!r}]",
         "c": f"_{part.name.upper()}",
         "value": "value",
+        "drive_v": "heard_v",
         "step_s": step,
         "covariate": f"self.{part.covariate}",
         "is_known": f"self.knows_{part.covariate}",

@@ -29,6 +29,7 @@ class CType(Enum):
 # In the order in which C takes them, with the type; s, k are pointers, c are constants of the file.
 PARAMETERS = {
     "value": CType.NUMBER,
+    "drive_v": CType.NUMBER,
     "step_s": CType.NUMBER,
     "covariate": CType.NUMBER,
     "is_known": CType.TRUTH,

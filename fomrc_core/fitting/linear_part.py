@@ -11,8 +11,8 @@ from fomrc_core.compute.least_squares import gram_of, product, whitening_of
 from fomrc_core.compute.pulse import beat
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.play_columns import creep_columns
-from fomrc_core.fitting.trial_model import TrialModel, fit_modes, predict, relaxed_trial
+from fomrc_core.fitting.play_columns import ColumnKinds, creep_columns
+from fomrc_core.fitting.trial_model import FIT_ACCURACY, TrialModel, fit_modes, predict, relaxed_trial
 from fomrc_core.model.simulation import (
     ElementDrive,
     before_record,
@@ -21,6 +21,7 @@ from fomrc_core.model.simulation import (
     of_stage,
 )
 from fomrc_core.model.substeps import Substeps
+from fomrc_core.operators.creep import creep_modes
 
 _ORDER_STEP = 1e-4  # of the creep order [1]: some hundredths of a usual one, far above the rounding of a simulation
 MIN_ORDER, MAX_ORDER = 0.0, 1.0  # creep orders a model may have
@@ -113,6 +114,8 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
         if effect.slope_depends_on_input:
             values = _input_of(effect, about or trial, record, index, (before, drive))[first:]
         passed = effect.linearized(columns[first:], steps_s[first:], values)
+        if effect.follows_elements:
+            passed = passed + _of_plays(effect, trial.columns, voltage_v, steps_s)[first:]
         if first == 0:
             columns = passed
         else:
@@ -125,6 +128,16 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
             values = _input_of(effect, about or trial, record, index, (before, drive))
         columns = effect.linearized(columns, record.steps_s, values)
     return columns
+
+
+def _of_plays(effect: Effect, columns: ColumnKinds, drive_v: Array, steps_s: Array) -> Array:
+    """Return what each column makes an effect add that follows the elements, shape (n_samples, n_columns)."""
+    added = np.zeros((drive_v.size, columns.thresholds_v.size))
+    plays = columns.is_plain & (columns.thresholds_v > 0.0)
+    chosen = columns.chosen(plays)
+    plays_v = creep_columns(chosen, creep_modes(0.0, FIT_ACCURACY), drive_v, steps_s)
+    added[:, plays] = effect.of_plays(chosen.thresholds_v, plays_v, steps_s)
+    return added
 
 
 def _element_drives(

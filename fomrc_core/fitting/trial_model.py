@@ -84,6 +84,9 @@ class TrialModel:
         return tuple(self._with_columns(effect) for effect in self.effects)
 
     def _with_columns(self, effect: Effect) -> Effect:
+        if effect.follows_elements:
+            form = self.operator()
+            effect = effect.beside_elements(form.thresholds, form.weights, self.creep_order)
         mask = self.columns.owned_by(effect.name)
         if not np.any(mask):
             return effect

@@ -181,7 +181,7 @@ def _warped(state: ModelState, effects: tuple[Effect, ...], driven: ElementDrive
 
 def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
     """Return the displacement of the mechanics [um] at the end of each part, shape (n_parts,); the state moves on."""
-    return _of_mechanics(state, effects, _of_elements(state, at_creep, effects, drive), drive.steps_s)
+    return _of_mechanics(state, effects, _of_elements(state, at_creep, effects, drive), drive)
 
 
 def _of_elements(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
@@ -201,9 +201,10 @@ def _of_elements(state: ModelState, at_creep: int, effects: tuple[Effect, ...], 
     return moved_um
 
 
-def _of_mechanics(state: ModelState, effects: tuple[Effect, ...], moved_um: Array, steps_s: Array) -> Array:
+def _of_mechanics(state: ModelState, effects: tuple[Effect, ...], moved_um: Array, drive: ElementDrive) -> Array:
     for effect in of_stage(effects, Stage.MECHANICAL):
-        moved_um = effect.run(state.effects[effect.name], moved_um, steps_s)
+        heard_v = drive.voltage_v if effect.follows_elements else None
+        moved_um = effect.run(state.effects[effect.name], moved_um, drive.steps_s, heard_v)
     return moved_um
 
 
@@ -277,7 +278,7 @@ def pass_chain(
     if known is not None and since > Stage.MECHANICAL:
         sensed_um = known.sensed_um
     else:
-        sensed_um = elements.at_samples(_of_mechanics(state, effects, moved_um, elements.steps_s))
+        sensed_um = elements.at_samples(_of_mechanics(state, effects, moved_um, elements))
     seen_um = sensed_um
     for effect in of_stage(effects, Stage.SENSED):
         seen_um = effect.run(state.effects[effect.name], seen_um, sampled.steps_s, covariates.of(effect.covariate))

@@ -55,6 +55,11 @@ class Effect(Cause):
     slope_depends_on_input: ClassVar[bool] = False  # whether ``linearized`` looks at its ``values``
     replaces_creep: ClassVar[bool] = False  # whether a model with it has no creep order of its own
 
+    @property
+    def follows_elements(self) -> bool:
+        """Whether it acts on what the elements have switched: it then is told them, and its ``run`` the drive."""
+        return False
+
     # --- in the chain
 
     def __str__(self) -> str:
@@ -74,7 +79,8 @@ class Effect(Cause):
             state: from ``initial_state`` or a former call; changed in place.
             values: drive [V] or displacement [um], whichever the stage carries, shape (n_samples,).
             steps_s: step that leads to each sample [s], any lengths, shape (n_samples,).
-            covariate: the signal named by the class's ``covariate``, where it is known, shape (n_samples,).
+            covariate: the signal named by the class's ``covariate``, where it is known, shape (n_samples,); for a
+                mechanical effect that follows the elements the drive as they see it [V].
         """
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
@@ -283,6 +289,20 @@ class Effect(Cause):
     def with_plays(self, thresholds_v: Array, knees_v: Array, weights_um_per_v: Array) -> Effect:
         """Return the effect with these plays in place of its own."""
         return self
+
+    def beside_elements(self, thresholds_v: Array, weights_um_per_v: Array, creep_order: float) -> Effect:
+        """Return the effect beside elements of these half widths [V] and weights [um/V], (n_plays,), and this creep."""
+        return self
+
+    def of_plays(self, thresholds_v: Array, plays_v: Array, steps_s: Array) -> Array:
+        """Return what a unit weight of each element makes an effect add that follows them [um], (n_samples, n_plays).
+
+        Args:
+            thresholds_v: half widths of the elements' plays [V], shape (n_plays,).
+            plays_v: the plays themselves, before any creep [V], shape (n_samples, n_plays).
+            steps_s: step that leads to each sample [s], shape (n_samples,).
+        """
+        return np.zeros(plays_v.shape)
 
 
 def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:

@@ -11,6 +11,7 @@ negative; functions named as ``helpers``. Parameters are any of these:
     c          constants, by attribute
     value      drive [V] or displacement [um], whichever the stage carries
     step_s     length of the step, or of the part of it [s]
+    drive_v    at the mechanical stage, the drive as the elements see it [V]
     covariate  the signal the effect reads beside its input
     is_known   whether there is one
 

@@ -28,7 +28,13 @@ static real forward_part(piezo_forward *state, const coefficients *k, real value
 @if widened
     real widening = R(1.0);
 @end
+@if heard
+    real heard_v;
+@end
 @insert forward_hysteresis
+@if heard
+    heard_v = value;
+@end
     history = creep_history(k, state->modes, state->previous);
 @if float
     creep_remember(k, state->modes, state->lost, state->previous, moved);

@@ -18,6 +18,7 @@ from fomrc_core.control.compensation_loop import CompensationLoop, LoopSettings
 from fomrc_core.control.voltage_limits import VoltageLimits
 from fomrc_core.effects import effect_classes
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.creep_law import CreepLaw
@@ -55,13 +56,26 @@ CREEP_LAW = CreepLaw(per_decade=0.02, onset_s=0.01, first_share=0.05, first_s=3.
 # The other forms of effects that are among them.
 LEAD = IntermittentContact(opens_s=(0.021, 0.3), closes_s=(0.05, 0.34))
 EACH_SAMPLE = ZeroOrderHold(5.0 * PERIOD_S, per_sample=1.0)
+OF_ELEMENTS = AmplitudeDependentCreep(
+    per_decade_per_um=1e-3,
+    onset_s=0.2,
+    switched_per_decade=0.02,
+    reach_um=2.0,
+    elements_per_decade=0.1,
+    steepness=0.7,
+    reach_v=2.0,
+    creep_order=0.015,
+    thresholds_v=(0.1, 0.4, 1.1),
+    weights_um_per_v=(0.3, 0.2, 0.4),
+)
+OTHER_FORMS = (LEAD, EACH_SAMPLE, OF_ELEMENTS)
 
 
 def test_every_effect_is_exported() -> None:
     assert {effect.name for effect in (*EVERY.effects, CREEP_LAW)} == set(effect_classes())
 
 
-@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW, LEAD, EACH_SAMPLE], ids=lambda effect: effect.name)
+@pytest.mark.parametrize("effect", [*EVERY.effects, CREEP_LAW, *OTHER_FORMS], ids=lambda effect: effect.name)
 def test_an_effect_alone_passes_its_self_test_in_c_and_python(effect, tmp_path) -> None:
     model = replace(PLAIN, creep_order=0.0 if effect.replaces_creep else PLAIN.creep_order).with_effects(effect)
     written = export_model(model, tmp_path / "c", options())
@@ -79,6 +93,16 @@ def test_all_effects_together_over_sweeps_jumps_and_rests(precision, way) -> Non
     compiled = Exported(EVERY, options(precision=precision), way)
     for lengths in (None, steps * np.random.default_rng(0).uniform(0.5, 2.0, steps.size)):
         assert np.max(errors_of(compiled, EVERY, lengths, values)) <= BARS[precision]
+
+
+@pytest.mark.parametrize("precision", list(Precision))
+def test_an_effect_that_follows_the_elements_hears_the_drive_they_see(precision) -> None:
+    # bent before the elements, and beside another effect of the mechanics: it is the bent drive that is heard
+    bent = AsymmetricHysteresis(warp_per_v=0.05)
+    model = PLAIN.with_effects(bent, AmplifierBandwidth(80.0), SlowRelaxation(0.02, 0.5), OF_ELEMENTS)
+    _, voltage = jumping_drive(3000)
+    compiled = Exported(model, options(precision=precision, direction=Direction.FORWARD), "forward")
+    assert np.max(errors_of(compiled, model, None, voltage)) <= BARS[precision]
 
 
 @pytest.mark.parametrize("precision", list(Precision))
