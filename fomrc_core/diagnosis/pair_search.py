@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
@@ -16,6 +16,7 @@ from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.work_budget import PAIRS, WorkBudget
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
@@ -36,6 +37,7 @@ class Round:
         wanted: names that a second may have.
         n_causes: number of causes the search tries.
         executor: runs refits side by side where given.
+        budget: of the search: beyond it no pair is sought.
     """
 
     state: SearchState
@@ -44,6 +46,7 @@ class Round:
     wanted: tuple[str, ...]
     n_causes: int
     executor: Executor | None
+    budget: WorkBudget = field(default_factory=WorkBudget.unlimited)
 
 
 def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
@@ -66,6 +69,8 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     refused = [c for c in candidates if is_accepted(c, asked.n_causes)][:_MOST_FIRSTS]
     firsts = [*likeliest, *(c for c in refused if c not in likeliest), *(c for c in told if c not in refused)]
     for first in firsts if len(asked.state.steps) < _MOST_BESIDE else refused:
+        if not asked.budget.allows(PAIRS):
+            break
         pair = _with_pair(asked, first)
         if pair is not None:
             return pair
@@ -80,6 +85,8 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     """
     accepted, best = chosen[1], None
     for first in _firsts_beside(accepted, asked.candidates, asked.split):
+        if not asked.budget.allows(PAIRS):
+            break
         pair = _with_pair(asked, first)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue
@@ -125,7 +132,8 @@ def best_beside(
     present = PresentModel.of(model, split)
     wanted = tuple(name for name in causes if name != first.cause and not present.model.has(name))
     screened = screen(present, wanted, held_view(present.model, split), executor)
-    candidates = candidates_for(present, split, screened, executor)
+    # which form the second has is told once the two are accepted, beside all that is found then
+    candidates = candidates_for(present, split, screened, executor, None, False)
     if not candidates:
         return None
     # beside a first, too, what holds another as a special case must predict better than that
