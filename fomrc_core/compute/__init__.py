@@ -12,4 +12,5 @@ __all__ = [
     "least_squares",
     "notebook",
     "pulse",
+    "work_tally",
 ]

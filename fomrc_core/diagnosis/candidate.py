@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
+from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on, noise_um2
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import refollowed
 from fomrc_core.diagnosis.screening import HeldView, Screened
+from fomrc_core.diagnosis.within_reach import Reach, foreseen_gain, may_be_found
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
@@ -137,7 +138,8 @@ def refitted(
     least_um2 = min((first.fits[0][0].squared_error for first in begun), default=math.inf)
     if standing is not None:
         least_um2 = min(least_um2, standing.fitted.squared_error)
-    tasks = [(present, split, first, least_um2) for first in begun]
+    reach = _reach(present, split, begun, least_um2)
+    tasks = [(present, split, first, reach) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
     # no two are compared before they have come to rest
     compared = found if standing is None else [*found, standing]
@@ -168,8 +170,10 @@ def _is_open(candidate: Candidate, best_gain: float) -> bool:
     if candidate.is_bound or candidate.train_log_gain <= 0.0:
         return False
     behind = best_gain - candidate.total_gain
-    is_settled = candidate.fitted.is_converged and candidate.train_log_gain < _MOVED
-    return behind < (_NEAR if is_settled else _STILL_OPEN)
+    if candidate.train_log_gain >= _MOVED:
+        return behind < _STILL_OPEN
+    # what it may still gain, in training and as much on held-out data
+    return behind < min(_NEAR + (1.0 + _TRAINING_COUNTS) * foreseen_gain(candidate.fitted), _STILL_OPEN)
 
 
 def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
@@ -225,10 +229,25 @@ def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
     return HeldView.of(model, apart[0]) if apart else None
 
 
-def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, float]) -> Candidate | None:
-    present, split, begun, least_um2 = task
-    fitted = gone_on(present, split, begun, least_um2)
+def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], least_um2: float) -> Reach:
+    """Return how far behind the best those that have begun may be."""
+    closest = min((first.fits[0][0] for first in begun), key=lambda fitted: fitted.squared_error, default=None)
+    left_um = present.residuals_um if closest is None else closest.residual
+    # what noise is left of it is no one's gain
+    least_um2 = max(least_um2, noise_um2(present, split))
+    return Reach(present.squared_error, least_um2, split.n_used / residual_inflation(left_um, split.train))
+
+
+def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, Reach]) -> Candidate | None:
+    present, split, begun, reach = task
     try:
+        first = begun.fits[0][0]
+        if not begun.is_bound and not any(reach.holds(fitted) for fitted, _ in begun.fits):
+            stays = candidate_of(present, split, begun.cause, first, begun.is_bound)
+            further = max(foreseen_gain(fitted) for fitted, _ in begun.fits)
+            if not may_be_found(stays.score, further):
+                return stays if first.squared_error < present.squared_error else None
+        fitted = gone_on(present, split, begun, reach.least_um2)
         return None if fitted is None else candidate_of(present, split, begun.cause, fitted, begun.is_bound)
     except ParameterError:
         return None  # what another record cannot be simulated with is no model of the actuator

@@ -13,6 +13,7 @@ from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import Screened
+from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, foreseen_gain
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -21,7 +22,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 
 _RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
 _HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
-_FIRST_ITERATIONS, _MORE_ITERATIONS = 3, 6  # of all starts, and of those worth going on with
+_FIRST_ITERATIONS = 3  # of all starts
 _FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
 _LARGE = 0.5  # of the squared error is left by an effect beside which the plays must be chosen anew
 _SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
@@ -65,7 +66,7 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
     """
     first = begun.fits[0][0]
     foreseen = min(_foreseen(fitted) for fitted, _ in begun.fits)
-    if not begun.is_bound and foreseen > _HOPELESS * max(least_um2, _noise_um2(present, split)):
+    if not begun.is_bound and foreseen > _HOPELESS * max(least_um2, noise_um2(present, split)):
         return first if first.squared_error < present.squared_error else None
     fits = _further(present, split, begun)
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * present.squared_error:
@@ -75,13 +76,14 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         followed = (_followed(way, split, present.squared_error) for way in fits)
         return min(followed, key=lambda f: f.squared_error)
     closest = min(fits, key=lambda f: f.squared_error)
-    if closest.squared_error > _FAR_BEHIND * max(least_um2, _noise_um2(present, split)):
+    if closest.squared_error > _FAR_BEHIND * max(least_um2, noise_um2(present, split)):
         # whichever form of it is the right one, another cause left less when it had only begun
         return _followed(closest, split, present.squared_error)
     best = _worth_its_parameters(fits, present, split)
     followed_best = _followed(best, split, present.squared_error)
     near = [f for f in fits if f is not best and _foreseen(f) < _FAR_BEHIND * best.squared_error]
-    if best.squared_error > _LARGE * present.squared_error or followed_best is best or not near:
+    is_small = best.squared_error > _LARGE * present.squared_error
+    if is_small or followed_best is best or not near:
         return followed_best
     # plays that were chosen before a large effect leave more than one form of it does from another
     ways = (followed_best, *(_followed(way, split, present.squared_error) for way in near))
@@ -110,21 +112,21 @@ def _worth_its_parameters(fits: list[Refit], present: PresentModel, split: DataS
 
 
 def _foreseen(first: Refit) -> float:
-    """Return the sum of squares a fit would come to if it went on falling as it fell last [um^2].
-
-    One that has begun is compared with one at rest: what it has not reached says little while it falls fast, for the
-    last steps of Gauss-Newton gain most (Domhan, Springenberg and Hutter, 2015: a run is ended by its foreseen end).
-    """
-    return first.squared_error * math.exp(-first.last_log_gain * _MORE_ITERATIONS)
+    """Return the sum of squares a fit would come to if it went on falling as it fell last [um^2]."""
+    return first.squared_error * math.exp(-foreseen_gain(first))
 
 
-def _noise_um2(present: PresentModel, split: DataSplit) -> float:
+def noise_um2(present: PresentModel, split: DataSplit) -> float:
+    """Return the sum of squares that the known noise leaves [um^2]."""
     return present.noise_um**2 * split.n_used
 
 
 def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refit]:
     fits: list[Refit] = []
     begun_valleys: list[Refit] = []
+    closest = begun.fits[0][0]
+    n_independent = split.n_used / residual_inflation(closest.residual, split.train)
+    reach = Reach(present.squared_error, max(closest.squared_error, noise_um2(present, split)), n_independent)
     for first, given in begun.fits:
         error = first.squared_error
         # of another form a few iterations say little
@@ -133,6 +135,9 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
         if not alike and _replaces_creep(first.model, begun.cause):
             hopeless = math.inf  # a law in the place of the one that all else was fitted with begins far off
         if _foreseen(first) > hopeless:
+            continue
+        # whichever form is right, none that is surely behind another in what both explain tells more of the cause
+        if not begun.is_bound and not reach.holds(first):
             continue
         is_behind = bool(alike) and error > _FAR_BEHIND * alike[0].squared_error
         if is_behind and not begun.is_bound:
@@ -144,7 +149,7 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
         if first.is_converged:
             fits.append(first)
             continue
-        further = refit(first.model, split.train, given, n_iterations=_MORE_ITERATIONS, hopeless_um2=hopeless)
+        further = refit(first.model, split.train, given, n_iterations=MORE_ITERATIONS, hopeless_um2=hopeless)
         fits.append(min(further, first, key=lambda f: f.squared_error))
     return fits
 

@@ -41,6 +41,7 @@ from fomrc_core.diagnosis.training_tells import unless_training_tells
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.diagnosis.untaught import BeyondLearned
+from fomrc_core.diagnosis.work_budget import cut_short, unless_uncompared
 from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
 from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
@@ -88,6 +89,7 @@ class Diagnosis:
             what hysteresis does there alone, and the errors told hold it.
         stand_ins: accepted forms that another cause surely beats, or whose parameters are no larger than their errors,
             and that are no names for it: in the extended model for what they gain, for something that is not known.
+        left_out: what of the search was too much work, in words: what was not asked may act.
     """
 
     status: Status
@@ -111,11 +113,14 @@ class Diagnosis:
     thinning: Thinning | None = None
     stand_ins: tuple[Finding, ...] = ()
     beyond_learned: tuple[BeyondLearned, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why what was named does not explain what the base model missed, in words; empty where it does."""
-        return self.judgement.doubts([finding.probability for finding in self.findings], bool(self.stand_ins))
+        told = self.judgement.doubts([finding.probability for finding in self.findings], bool(self.stand_ins))
+        is_open = self.status not in (Status.EXPLAINED, Status.NOTHING_FOUND)
+        return (*told, *cut_short(self.left_out)) if is_open else told
 
     def __str__(self) -> str:
         return self.summary()
@@ -151,6 +156,7 @@ class Diagnosis:
             f" of the range; unexplained {self.unexplained_percent:.3g} %"
         )
         lines += self.doubts
+        lines += [words for words in cut_short(self.left_out) if words not in self.doubts]
         if self.unnamed is not None:
             lines.append(str(self.unnamed))
         lines.append(f"next: {self.next_experiment}")
@@ -277,6 +283,7 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
         judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.unnamed))
     told = [f.probability for f in result.findings]
     status = judgement.status(told, bool(result.ambiguous_with), bool(result.stand_ins))
+    status = unless_uncompared(status, result.left_out)
     return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
 
 
@@ -324,6 +331,7 @@ def _result(
     # what else a form could be that is no name is nobody's question
     tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause not in unnamed_forms), ())
     status = judgement.status([finding.probability for finding in findings], bool(tied), bool(unnamed_forms))
+    status = unless_uncompared(status, found.left_out)
     tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
@@ -354,4 +362,5 @@ def _result(
         unnamed=described,
         stand_ins=tuple(finding for finding in everything if finding.cause in unnamed_forms),
         beyond_learned=split.beyond_learned,
+        left_out=found.left_out,
     )

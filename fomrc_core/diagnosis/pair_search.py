@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
@@ -16,6 +16,7 @@ from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.work_budget import PAIRS, WorkBudget
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
@@ -36,6 +37,7 @@ class Round:
         wanted: names that a second may have.
         n_causes: number of causes the search tries.
         executor: runs refits side by side where given.
+        budget: of the search: beyond it no pair is sought.
     """
 
     state: SearchState
@@ -44,6 +46,7 @@ class Round:
     wanted: tuple[str, ...]
     n_causes: int
     executor: Executor | None
+    budget: WorkBudget = field(default_factory=WorkBudget.unlimited)
 
 
 def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
@@ -66,6 +69,8 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     refused = [c for c in candidates if _is_accepted_but_for_wander(c, asked.n_causes)][:_MOST_FIRSTS]
     firsts = [*likeliest, *(c for c in refused if c not in likeliest), *(c for c in told if c not in refused)]
     for first in firsts if len(asked.state.steps) < _MOST_BESIDE else refused:
+        if not asked.budget.allows(PAIRS):
+            break
         pair = _with_pair(asked, first)
         if pair is not None:
             return pair
@@ -83,6 +88,8 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     louder = [c for c in asked.candidates if c.is_unconfirmed and c.total_gain > accepted.total_gain]
     refused = [c for c in louder if _is_accepted_but_for_wander(c, asked.n_causes)][:1]
     for first in [*_firsts_beside(accepted, asked.candidates, asked.split), *refused]:
+        if not asked.budget.allows(PAIRS):
+            break
         pair = _with_pair(asked, first)
         if pair is None or pair[1].score.log_gain < accepted.score.log_gain:
             continue

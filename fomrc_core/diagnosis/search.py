@@ -32,6 +32,7 @@ from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_
 from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import PRUNED, SearchState, pruned, with_rival
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -53,6 +54,7 @@ class SearchResult:
         final: the last joint refit.
         screened: the last screening, for the smallest detectable sizes.
         runner_up: best candidate that was not accepted in the last round, if any.
+        left_out: what was not done for it would have been too much work, in words.
     """
 
     model: TrialModel
@@ -60,6 +62,7 @@ class SearchResult:
     final: Refit
     screened: tuple[Screened, ...]
     runner_up: Candidate | None
+    left_out: tuple[str, ...] = ()
 
 
 Tell = Callable[[float, str], None]
@@ -77,6 +80,7 @@ def search(
         tell: progress.
         executor: runs refits side by side where given.
     """
+    budget = WorkBudget.of(split)
     final = refit(start, split.train, n_iterations=2)
     state = SearchState(final.model, (), final, frozenset())
     for number in range(_MAX_ROUNDS):
@@ -87,16 +91,16 @@ def search(
         screened = screen(present, wanted, held_view(state.model, split), executor)
         candidates: list[Candidate] = []
         chosen = None
-        has_room = len(state.steps) < MAX_FINDINGS
+        has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
-            candidates, chosen = _asked(state, present, split, screened, causes, executor)
-        among = Round(state, candidates, split, wanted, len(causes), executor)
+            candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
+        among = Round(state, candidates, split, wanted, len(causes), executor, budget)
         if chosen is not None:
             chosen = or_pair(chosen, among)
         if chosen is None:
             tell(share + 0.07, "other causes in the place of those found")
-            look = _last_look(state, split, causes, executor)
+            look = _last_look(state, split, causes, executor, budget)
             if look.better is not None and number < _MAX_ROUNDS - 1:
                 at, rival = look.better
                 # it was found beside all the others
@@ -108,24 +112,30 @@ def search(
                 chosen = any_pair(among)
             if chosen is None:
                 runner_up = candidates[0] if candidates else None
-                return SearchResult(state.model, look.steps, state.final, screened, runner_up)
+                return SearchResult(state.model, look.steps, state.final, screened, runner_up, tuple(budget.left_out))
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         state = _with_finding(state, accepted, candidates, split, causes, executor)
-        better = _better_rival(state, split, causes, executor)
+        better = _better_rival(state, split, causes, executor, budget)
         if better is not None:
             at, rival = better
             tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
             # it was found beside those before it
             state = with_rival(state, at, rival, (state.steps[:at], ()), split, executor)
-    look = _last_look(state, split, causes, executor)
-    return SearchResult(state.model, look.steps, state.final, screened, None)
+    look = _last_look(state, split, causes, executor, budget)
+    return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
 
 
-def _last_look(state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None) -> LastLook:
+def _last_look(
+    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
+) -> LastLook:
     # In a loop that only repeats whatever did nearly as well is tied already.
     if not split.is_telling:
         return LastLook(state.steps, None)
+    if len(state.steps) > 1 and not budget.allows(COMPARED):
+        # what a margin was while others were hidden says nothing beside them: only the last has one
+        uncompared = (replace(step, margin=math.nan, whitened_margin=math.nan) for step in state.steps[:-1])
+        return LastLook((*uncompared, state.steps[-1]), None)
     # Where much is left nothing is explained, whoever does as well: there it is asked for a way on.
     is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um**2 * split.n_used
     return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left)
@@ -138,6 +148,7 @@ def _asked(
     screened: tuple[Screened, ...],
     causes: tuple[str, ...],
     executor: Executor | None,
+    budget: WorkBudget,
 ) -> tuple[list[Candidate], tuple[SearchState, Candidate] | None]:
     """Return the candidates, and the one to accept with the state before it, None where there is none.
 
@@ -158,6 +169,8 @@ def _asked(
         screened = tuple(trial for trial in screened if trial.name not in asked)
         if not asked or state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
             break
+        if not budget.allows(CAUSES):
+            break
     return candidates, None
 
 
@@ -176,6 +189,9 @@ def _with_finding(
         tied += [rival for rival in rivals if rival not in tied]
     compared = [*candidates, *kin_left_out(accepted, PresentModel.of(state.model, split), split, causes)]
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
+    if state.steps and math.isnan(state.steps[-1].margin):
+        # the second of a pair was not asked for beside the first: the last look compares both
+        margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
     in_form = in_best_form(final, split, executor) if state.steps else final
@@ -199,7 +215,7 @@ def _sought_again_beside(accepted: Candidate, model: TrialModel) -> set[str]:
 
 
 def _better_rival(
-    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
+    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
 ) -> tuple[int, Candidate] | None:
     """Return the place of a finding, and the cause that does better in it beside all that was found since.
 
@@ -218,6 +234,8 @@ def _better_rival(
             if not state.model.has(name):
                 continue
             if state.model.has(rival.cause):
+                if not budget.allows(PAIRS):
+                    continue
                 second = best_beside(rival, split, causes, executor)
                 if second is None or second.cause == name:
                     continue

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
-from fomrc_core.effects.base.slopes import slope_by_differences
 from fomrc_core.effects.base.step_form import FieldKind, StateField, StepForm, lag_ramp
 from fomrc_core.effects.base.term_scales import TermScales
+from fomrc_core.effects.base.term_slopes import slopes_of_sum
 from fomrc_core.effects.base.terms import (
     MOST_PATH,
     N_STATE,
@@ -191,10 +191,10 @@ class Unnamed(Effect):
         )
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
-        """Return the changes with what they change of the terms, by differences about the displacement."""
+        """Return the changes with what they change of the terms, about the displacement."""
         if values is None:
             return changes
-        return slope_by_differences(self, changes, steps_s, values, self.span_um)
+        return slopes_of_sum(self._arrays(), self.span_um, values, changes, steps_s)
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement [um] before this effect, to rounding where ``can_invert``."""

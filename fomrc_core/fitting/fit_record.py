@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fomrc_core.compute.work_tally import WorkTally
 from fomrc_core.effects import Covariates
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.substeps import Substeps
@@ -35,6 +36,7 @@ class FitRecord:
         is_used: samples a fit may learn from.
         covariates: what was recorded beside drive and displacement.
         substeps: how finely the steps of the drive are divided, whatever the model.
+        tally: how much has been simulated of it, in whatever choice of samples.
     """
 
     recording: Recording
@@ -45,6 +47,7 @@ class FitRecord:
     is_used: NDArray[np.bool_]
     covariates: Covariates
     substeps: Substeps = Substeps.NONE
+    tally: WorkTally = field(default_factory=WorkTally)
 
     @classmethod
     def of(

@@ -24,6 +24,7 @@ from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import creep_modes
 
 _ORDER_STEP = 1e-4  # of the creep order [1]: some hundredths of a usual one, far above the rounding of a simulation
+_COLUMNS_AT_ONCE = 4  # run as fast as one displacement: a processor works on them side by side
 MIN_ORDER, MAX_ORDER = 0.0, 1.0  # creep orders a model may have
 
 
@@ -107,6 +108,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     modes = fit_modes(trial)
     columns = creep_columns(trial.columns, modes, voltage_v, steps_s, n_skipped, widening)
     beat("simulations", columns.shape[1])
+    record.tally.add(columns.size * (1 + len(effects)) // _COLUMNS_AT_ONCE)
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before

@@ -11,7 +11,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.pulse import beat
-from fomrc_core.effects import Effect, in_chain_order
+from fomrc_core.effects import Effect, Stage, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
@@ -237,7 +237,7 @@ def predict_passing(
     start = trial.start_of(index)
     if start is not None:
         settle_chain(state, at_creep, effects, start.drive(), record.substeps)
-    return pass_chain(
+    seen_um, passage = pass_chain(
         state,
         at_creep,
         effects,
@@ -246,3 +246,7 @@ def predict_passing(
         covariates=record.covariates,
         before=before,
     )
+    # what was taken from the run before was not simulated again
+    n_parts = record.time_s.size if before is not None and before.since > Stage.MECHANICAL else passage.moved_um.size
+    record.tally.add(n_parts * (1 + len(effects)))
+    return seen_um, passage

@@ -114,6 +114,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "probability_of_unknown": diagnosis.probability_of_unknown,
         "doubts": list(diagnosis.doubts),
+        "left_out": list(diagnosis.left_out),
         "remainder": {
             "is_noise": diagnosis.judgement.is_noise,
             "reasons": list(diagnosis.judgement.reasons),

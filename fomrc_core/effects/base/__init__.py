@@ -25,5 +25,6 @@ __all__ = [
     "static_kernels",
     "step_form",
     "term_scales",
+    "term_slopes",
     "terms",
 ]

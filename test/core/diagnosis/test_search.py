@@ -14,6 +14,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
 from fomrc_core.diagnosis.search_state import SearchState
+from fomrc_core.diagnosis.work_budget import WorkBudget
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.fitting.joint_fit import Refit
@@ -115,7 +116,8 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
         monkeypatch.setattr(search, "fit_until_still", lambda *_: settled)
         gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
         monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
-        return search._better_rival(SearchState(both, tuple(steps), poor, frozenset()), split, (), None)
+        state = SearchState(both, tuple(steps), poor, frozenset())
+        return search._better_rival(state, split, (), None, WorkBudget.unlimited())
 
     delay = _contender(split, "transport_delay", 6.0, 6.0)
     assert better(delay, replace(good, model=plain)) == (0, rival)
@@ -190,7 +192,8 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
 
     final = replace(leak.fitted, squared_error=left * split.noise_um**2 * split.n_used)
     state = SearchState(final.model, (), final, frozenset())
-    candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None)  # type: ignore[arg-type]
+    budget = WorkBudget.unlimited()
+    candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None, budget)  # type: ignore[arg-type]
     if left > search._MUCH_LEFT:
         assert chosen is not None
         assert chosen[1].cause == "charge_leak"
