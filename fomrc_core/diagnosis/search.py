@@ -189,7 +189,7 @@ def _with_finding(
         tied += [rival for rival in rivals if rival not in tied]
     compared = [*candidates, *kin_left_out(accepted, PresentModel.of(state.model, split), split, causes)]
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
-    if state.steps and math.isnan(state.steps[-1].margin):
+    if state.steps and math.isnan(state.steps[-1].margin) and cause_classes()[accepted.cause].is_exchangeable:
         # the second of a pair was not asked for beside the first: the last look compares both
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)

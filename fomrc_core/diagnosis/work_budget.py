@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.judgement import Status
 
-# Samples that a stage of a chain went over, times stages [1]. Some 4e7 are a second of a processor of 2020, so that a
-# search is mostly done within a minute; an effect that divides steps further than the chain costs more than it counts.
-_FOR_PAIRS = 0.7e9
-_FOR_CAUSES = 1.6e9
-_FOR_NAMES = 2.0e9  # what was found is compared where no more could be sought: a name is worth more than one more
+# Samples that a stage of a chain went over, times stages [1]. Some 4e7 to 6e7 are a second of a processor of 2020, so
+# that a search is mostly done within a minute; an effect that divides steps further than the chain costs more than it
+# counts. What was found is compared where no more could be sought: a name that is sure is worth more than one more.
+_FOR_PAIRS = 1.0e9
+_FOR_CAUSES = 2.0e9
+_FOR_NAMES = 4.0e9
 
 PAIRS = "two causes at once were not sought to the end"
 CAUSES = "no further causes were sought"
