@@ -242,7 +242,8 @@ def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, Reach]) -> Candid
     present, split, begun, reach = task
     try:
         first = begun.fits[0][0]
-        if not begun.is_bound and not any(reach.holds(fitted) for fitted, _ in begun.fits):
+        is_raced = not begun.is_bound and not begun.begins_far_off
+        if is_raced and not any(reach.holds(fitted) for fitted, _ in begun.fits):
             stays = candidate_of(present, split, begun.cause, first, begun.is_bound)
             further = max(foreseen_gain(fitted) for fitted, _ in begun.fits)
             if not may_be_found(stays.score, further):

@@ -42,6 +42,11 @@ class Begun:
     is_bound: bool
     fits: tuple[tuple[Refit, Tangent | None], ...]
 
+    @property
+    def begins_far_off(self) -> bool:
+        """Whether it takes the place of the power law, with which all else was fitted: no race is fair to it."""
+        return any(effect.name == self.cause and effect.replaces_creep for effect in self.fits[0][0].model.effects)
+
 
 def begin(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Begun:
     """Return the first iterations from the starts that the trial instances of one cause give."""
@@ -132,12 +137,11 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
         # of another form a few iterations say little
         alike = [other for other in begun_valleys if _form(other.model) == _form(first.model)]
         hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-        if not alike and _replaces_creep(first.model, begun.cause):
-            hopeless = math.inf  # a law in the place of the one that all else was fitted with begins far off
+        if not alike and begun.begins_far_off:
+            hopeless = math.inf  # each form is followed once
+        elif not begun.is_bound and not reach.holds(first):
+            continue  # whichever form is right, what is surely behind another tells no more of the cause
         if _foreseen(first) > hopeless:
-            continue
-        # whichever form is right, none that is surely behind another in what both explain tells more of the cause
-        if not begun.is_bound and not reach.holds(first):
             continue
         is_behind = bool(alike) and error > _FAR_BEHIND * alike[0].squared_error
         if is_behind and not begun.is_bound:
@@ -181,10 +185,6 @@ def _starts(
             chosen.append((start, given))
             forms.add(form)
     return chosen
-
-
-def _replaces_creep(model: TrialModel, name: str) -> bool:
-    return any(effect.name == name and effect.replaces_creep for effect in model.effects)
 
 
 def _form(model: TrialModel) -> tuple[object, ...]:
