@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import random
 import sys
 import tempfile
@@ -34,7 +33,7 @@ from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experimen
 from fomrc_ros.demo.fast_figure import save_figure
 from fomrc_ros.demo.figures import save_figures
 from fomrc_ros.demo.node_processes import NodeProcess, private_environment
-from fomrc_ros.demo.response import Response, Verdict
+from fomrc_ros.demo.response import Response, Verdict, percent_or_not
 from fomrc_ros.demo.targets import RATE_HZ, Target, tracking_target, triangle_target
 from fomrc_ros.node.runtime import EXIT_BAD_INPUT, make_executor
 
@@ -269,9 +268,5 @@ def _table(experiments: Sequence[Experiment]) -> Table:
     for experiment in experiments:
         merit, (compensated, plain) = experiment.merit, experiment.pair
         values = (merit.percent_of(plain), merit.percent_of(compensated), *merit.paper_percent)
-        table.add_row(experiment.target.name, merit.name, *(_percent(value) for value in values))
+        table.add_row(experiment.target.name, merit.name, *(percent_or_not(value) for value in values))
     return table
-
-
-def _percent(value: float) -> str:
-    return "not judged" if math.isnan(value) else f"{value:.2f} %"

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from fomrc_ros.demo.response import Response
+from fomrc_ros.demo.response import Response, percent_or_not
 
 _WITH, _WITHOUT, _WANTED = "#0a6ebd", "#c8553d", "#333333"
 
@@ -24,7 +24,8 @@ def draw_tracking(top: Axes, bottom: Axes, compensated: Response, uncompensated:
     top.legend(loc="upper right", fontsize=8, frameon=False)
     for response, color in ((uncompensated, _WITHOUT), (compensated, _WITH)):
         error_nm = 1e3 * (response.measured_um - response.desired_um)
-        bottom.plot(response.time_s, error_nm, color=color, lw=0.8, label=f"NRMSE {response.nrmse_percent:.2f} %")
+        merit = f"NRMSE {percent_or_not(response.nrmse_percent)}"
+        bottom.plot(response.time_s, error_nm, color=color, lw=0.8, label=merit)
     bottom.set_xlabel("time [s]")
     bottom.set_ylabel("error [nm]")
     bottom.legend(loc="upper right", fontsize=8, frameon=False)
@@ -41,7 +42,7 @@ def draw_linearity(axes: Axes, compensated: Response, uncompensated: Response) -
             response.measured_um,
             color=color,
             lw=0.9,
-            label=f"{label} compensation: nonlinearity {response.nonlinearity_percent:.2f} %",
+            label=f"{label} compensation: nonlinearity {percent_or_not(response.nonlinearity_percent)}",
         )
     axes.set_xlabel("desired displacement [um]")
     axes.set_ylabel("measured displacement [um]")

@@ -8,6 +8,7 @@ out of the record.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -89,6 +90,11 @@ class Response:
         if not self.can_be_judged:
             return Verdict.NOT_JUDGED
         return Verdict.MET if percent <= allowed_percent else Verdict.MISSED
+
+
+def percent_or_not(percent: float) -> str:
+    """Return a figure of merit as people read it, also where none could be judged."""
+    return Verdict.NOT_JUDGED.value if math.isnan(percent) else f"{percent:.2f} %"
 
 
 def response_of(sent: Array, seen: Array, waited: Array, others_s: Sequence[Array] = ()) -> Response:

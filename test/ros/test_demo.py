@@ -15,7 +15,7 @@ from fomrc_core.plants import paper_stage
 from fomrc_ros.demo import demo
 from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experiment
 from fomrc_ros.demo.processor_waits import ProcessorWaits
-from fomrc_ros.demo.response import Verdict, response_of
+from fomrc_ros.demo.response import Verdict, percent_or_not, response_of
 from fomrc_ros.demo.targets import RATE_HZ, tracking_target, triangle_target
 
 _TARGET = triangle_target(2.4)
@@ -91,6 +91,7 @@ def test_few_displacements_are_judged_and_none_are_not() -> None:
     assert np.isnan(nothing.nonlinearity_percent)
     assert nothing.stalled_s == pytest.approx(nothing.duration_s)
     assert nothing.verdict(nothing.nrmse_percent, 0.36) is Verdict.NOT_JUDGED
+    assert percent_or_not(nothing.nrmse_percent) == "not judged"
     shared = Experiment(_TARGET, LINEARITY_MERIT, (nothing, nothing))
     assert shared.verdict is Verdict.NOT_JUDGED
     assert "judged on the other 0 %" in shared.machine_text()
