@@ -84,9 +84,9 @@ def carried(old: Compensator, new: Compensator, memory: ActuatorMemory) -> Actua
     new_creep[PREVIOUS] = old_creep[PREVIOUS]
     if mode_states(old_creep).size == mode_states(new_creep).size:
         mode_states(new_creep)[:] = mode_states(old_creep)
-    for name, values in memory.state.effects.items():
-        if name in state.effects and state.effects[name].shape == values.shape:
-            state.effects[name][:] = values
+    for effect in new.model.effects:
+        if effect.name in memory.state.effects:
+            state.effects[effect.name] = effect.carried_state(memory.state.effects[effect.name])
     state.last_input, state.bend = memory.state.last_input, memory.state.bend
     state.last_voltage_v = memory.state.last_voltage_v
     return ActuatorMemory(state, memory.turning_points.copy())

@@ -8,53 +8,25 @@ from typing import ClassVar
 
 import numpy as np
 
-from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.kernels import plain_block, run_knees, with_plays_of
 from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
-from fomrc_core.errors import ParameterError
 
 _N_PLAYS = 12  # of the switching part: twice as many change it by less than a hundredth
 _REACHES = (1.0, 0.6, 0.35)  # offered, shares of the largest displacement
 _FIRST = 1e-4  # of the onset: the shortest time in which elements creep more
 
 
-@compiled
-def _run_switching(plays: Array, thresholds: Array, weights: Array, values: Array, out: Array) -> None:
-    for k in range(values.size):
-        total = 0.0
-        for j in range(plays.size):
-            plays[j] = min(max(plays[j], values[k] - thresholds[j]), values[k] + thresholds[j])
-            total += weights[j] * plays[j]
-        out[k] = total
-
-
-def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float) -> Number:
-    # ``run_modes`` of the displacement times its size, and of what has switched
-    total = 0.0
+def _creep_by_source(s: Fields, k: Fields, c: Fields, value: float, drive_v: float) -> Number:
+    # ``run_modes`` of the displacement times its size, and of what it and the elements have switched
+    switched = 0.0
     for j in range(len(c.thresholds_um)):
         s.plays[j] = min(max(s.plays[j], value - c.thresholds_um[j]), value + c.thresholds_um[j])
-        total = total + s.plays[j]
-    source = c.per_um * value * abs(value) + c.switched * (total / len(c.thresholds_um))
-    total = value
-    for j in range(len(c.rates)):
-        mode = s.modes[j] + (k.ramp[j] * source + (k.gone[j] - k.ramp[j]) * s.before - k.gone[j] * s.modes[j])
-        s.modes[j] = mode
-        total = total + c.gains[j] * mode
-    s.before = source
-    return total
-
-
-def _creep_of_elements(s: Fields, k: Fields, c: Fields, value: float, drive_v: float) -> Number:
-    # the same, and of what the elements have switched
-    source = c.per_um * value * abs(value)
-    total = 0.0
-    for j in range(len(c.thresholds_um)):
-        s.plays[j] = min(max(s.plays[j], value - c.thresholds_um[j]), value + c.thresholds_um[j])
-        total = total + s.plays[j]
-    source = source + c.switched * (total / len(c.thresholds_um))
+        switched = switched + s.plays[j]
+    source = c.per_um * value * abs(value) + c.switched * (switched / len(c.thresholds_um))
     for j in range(len(c.thresholds_v)):
         s.elements[j] = min(max(s.elements[j], drive_v - c.thresholds_v[j]), drive_v + c.thresholds_v[j])
         source = source + c.weights[j] * s.elements[j]
@@ -117,13 +89,7 @@ class AmplitudeDependentCreep(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.thresholds_v) != len(self.weights_um_per_v):
-            raise ParameterError(
-                "lists differ in length",
-                where=self.name,
-                value=(len(self.thresholds_v), len(self.weights_um_per_v)),
-                allowed="two lists of one length",
-            )
+        self.check_alike("thresholds_v", "weights_um_per_v")
 
     @property
     def follows_elements(self) -> bool:
@@ -169,9 +135,28 @@ class AmplitudeDependentCreep(Effect):
         return rates, gains * slower / math.log(10.0), -(_FIRST**order) * at_once / math.log(10.0)
 
     def initial_state(self) -> Array:
-        """Return (source, then each mode) [um] of the step before, each play [um], and each element's [V], at rest."""
-        n_plays = _N_PLAYS + len(self.thresholds_v)
-        return np.concatenate((modes_at_rest(self._modes()[0].size), np.zeros(n_plays)))
+        """Return (source, then each mode) [um] of the step before, then plays of displacement and elements, at rest."""
+        return np.concatenate((modes_at_rest(self._modes()[0].size), self._plays_of_displacement(), self._elements()))
+
+    def carried_state(self, old: Array) -> Array:
+        """Return modes and plays where those of another left them, with thresholds and weights of its own."""
+        own = self.initial_state()
+        if old.shape != own.shape:
+            return own
+        blocks = (self._plays_of_displacement(), self._elements())
+        ends = np.cumsum([own.size - sum(block.size for block in blocks), blocks[0].size])
+        modes, *plays = np.split(old, ends)
+        return np.concatenate((modes, *(with_plays_of(b, of) for b, of in zip(blocks, plays, strict=True))))
+
+    def _plays_of_displacement(self) -> Array:
+        """Return the packed plays of the displacement, as many for each threshold up to the reach (Rayleigh)."""
+        thresholds_um = self.reach_um * np.arange(1, _N_PLAYS + 1) / _N_PLAYS
+        return plain_block(thresholds_um, np.full(_N_PLAYS, self.switched_per_decade / _N_PLAYS))
+
+    def _elements(self) -> Array:
+        """Return the packed plays of the drive, each weighted by how much more it creeps."""
+        thresholds_v = np.array(self.thresholds_v)
+        return plain_block(thresholds_v, np.array(self.weights_um_per_v) * self._growths(thresholds_v))
 
     def _crept(self, state: Array, source: Array, steps_s: Array) -> Array:
         out = np.empty(source.size)
@@ -186,16 +171,12 @@ class AmplitudeDependentCreep(Effect):
         """Return what creeps beyond proportion, times its share in each decade [um]; the plays move on."""
         source = self.per_decade_per_um * values * np.abs(values)
         switched = np.empty(values.size)
+        n_own = self._plays_of_displacement().size
         if self.switched_per_decade != 0.0:
-            # Rayleigh's picture: as many domains for each threshold up to the reach
-            thresholds_um = self.reach_um * np.arange(1, _N_PLAYS + 1) / _N_PLAYS
-            weights = np.full(_N_PLAYS, self.switched_per_decade / _N_PLAYS)
-            _run_switching(plays[:_N_PLAYS], thresholds_um, weights, values, switched)
+            run_knees(plays[:n_own], values, switched)
             source = source + switched
         if self.elements_per_decade != 0.0 and drive_v is not None:
-            thresholds_v = np.array(self.thresholds_v)
-            weights = np.array(self.weights_um_per_v) * self._growths(thresholds_v)
-            _run_switching(plays[_N_PLAYS:], thresholds_v, weights, drive_v, switched)
+            run_knees(plays[n_own:], drive_v, switched)
             source = source + switched
         return np.asarray(source)
 
@@ -205,7 +186,7 @@ class AmplitudeDependentCreep(Effect):
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement that has crept [um], shape (n_samples,)."""
-        n_modes = state.size - _N_PLAYS - len(self.thresholds_v)
+        n_modes = modes_at_rest(self._modes()[0].size).size
         source = self._source(state[n_modes:], values, covariate)
         return np.asarray(values + self._crept(state[:n_modes], source, steps_s))
 
@@ -233,26 +214,25 @@ class AmplitudeDependentCreep(Effect):
         """Return the step for a controller."""
         form = modes_form(*self._modes(), is_inverted=False)
         thresholds_um = tuple(self.reach_um * (j + 1) / _N_PLAYS for j in range(_N_PLAYS))
-        form = replace(
+        # a list of C is of one entry at least: without elements of one that adds nothing
+        thresholds_v = self.thresholds_v or (0.0,)
+        weights = np.array(self.weights_um_per_v or (0.0,)) * self._growths(np.array(thresholds_v))
+        return replace(
             form,
             constants=(
                 *form.constants,
                 ("per_um", self.per_decade_per_um),
                 ("switched", self.switched_per_decade),
                 ("thresholds_um", thresholds_um),
+                ("thresholds_v", thresholds_v),
+                ("weights", tuple(weights.tolist())),
             ),
-            state=(*form.state, StateField("plays", (0.0,) * _N_PLAYS, is_array=True, comment="of the displacement")),
+            state=(
+                *form.state,
+                StateField("plays", (0.0,) * _N_PLAYS, is_array=True, comment="of the displacement"),
+                StateField("elements", (0.0,) * weights.size, is_array=True, comment="of the drive [V]"),
+            ),
             forward=_creep_by_source,
-        )
-        if not self.follows_elements or not self.thresholds_v:
-            return form
-        weights = np.array(self.weights_um_per_v) * self._growths(np.array(self.thresholds_v))
-        elements = StateField("elements", (0.0,) * weights.size, is_array=True, comment="of the drive [V]")
-        return replace(
-            form,
-            constants=(*form.constants, ("thresholds_v", self.thresholds_v), ("weights", tuple(weights.tolist()))),
-            state=(*form.state, elements),
-            forward=_creep_of_elements,
         )
 
     @classmethod

@@ -10,7 +10,7 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
-from fomrc_core.effects.base.kernels import knee_block, run_knees
+from fomrc_core.effects.base.kernels import knee_block, run_knees, with_plays_of
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 from fomrc_core.errors import ParameterError
 from fomrc_core.records.drive import MANY_LOOPS
@@ -94,13 +94,7 @@ class AsymmetricHysteresis(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not len(self.thresholds_v) == len(self.knees_v) == len(self.weights_um_per_v):
-            raise ParameterError(
-                "lists differ in length",
-                where=self.name,
-                value=(len(self.thresholds_v), len(self.knees_v), len(self.weights_um_per_v)),
-                allowed="three lists of one length",
-            )
+        self.check_alike("thresholds_v", "knees_v", "weights_um_per_v")
 
     def initial_state(self) -> Array:
         """Return the packed one-sided plays, relaxed."""
@@ -170,6 +164,10 @@ class AsymmetricHysteresis(Effect):
             return {"amplifier_saturation": {"high_v": float(knees_v[at] + thresholds_v[at])}}
         at = int(np.argmax(down))
         return {"amplifier_saturation": {"low_v": float(knees_v[at] - thresholds_v[at])}}
+
+    def carried_state(self, old: Array) -> Array:
+        """Return the packed plays where those of another left them, with thresholds and weights of its own."""
+        return with_plays_of(self.initial_state(), old)
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return what is added to the elements' sum [um], shape (n_samples,), for the warped drive [V]."""

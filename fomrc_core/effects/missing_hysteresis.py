@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
-from fomrc_core.effects.base.kernels import knee_block, run_knees
+from fomrc_core.effects.base.kernels import plain_block, run_knees, with_plays_of
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
-from fomrc_core.errors import ParameterError
 
 
 def _move(s: Fields, c: Fields, value: float) -> Number:
@@ -56,18 +55,15 @@ class MissingHysteresis(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.thresholds_v) != len(self.weights_um_per_v):
-            raise ParameterError(
-                "lists differ in length",
-                where=self.name,
-                value=(len(self.thresholds_v), len(self.weights_um_per_v)),
-                allowed="two lists of one length",
-            )
+        self.check_alike("thresholds_v", "weights_um_per_v")
 
     def initial_state(self) -> Array:
         """Return the packed plays, relaxed."""
-        thresholds = np.array(self.thresholds_v, dtype=np.float64)
-        return knee_block(thresholds, np.full(thresholds.size, -np.inf), np.array(self.weights_um_per_v))
+        return plain_block(np.array(self.thresholds_v), np.array(self.weights_um_per_v))
+
+    def carried_state(self, old: Array) -> Array:
+        """Return the packed plays where those of another left them, with thresholds and weights of its own."""
+        return with_plays_of(self.initial_state(), old)
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return what is added to the elements' sum [um], shape (n_samples,), for the drive [V]."""

@@ -69,6 +69,14 @@ class Cause(ABC):
         """Return the specification of one parameter."""
         return next(spec for spec in cls.parameters if spec.name == name)
 
+    def check_alike(self, *names: str) -> None:
+        """Raise ParameterError unless these lists are of one length."""
+        lengths = tuple(len(getattr(self, name)) for name in names)
+        if len(set(lengths)) > 1:
+            raise ParameterError(
+                "lists differ in length", where=self.name, value=lengths, allowed=f"{', '.join(names)} of one length"
+            )
+
     # --- how a fit moves it
 
     def free_names(self) -> tuple[str, ...]:

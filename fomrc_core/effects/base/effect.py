@@ -71,6 +71,18 @@ class Effect(Cause):
     def initial_state(self) -> Array:
         """Return the state at rest, shape (n_state,)."""
 
+    def carried_state(self, old: Array) -> Array:
+        """Return the state of one of its kind with other parameters as its own; at rest where that cannot be.
+
+        Called where a model is replaced while it runs. A state that holds parameters keeps its own: only what the past
+        has left there is taken over.
+
+        Args:
+            old: state of the effect that was in force.
+        """
+        own = self.initial_state()
+        return old.copy() if old.shape == own.shape else own
+
     @abstractmethod
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the effect's output for each sample, shape (n_samples,); the state moves on.

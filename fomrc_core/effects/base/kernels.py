@@ -169,6 +169,20 @@ def knee_block(thresholds: Array, knees: Array, weights: Array) -> Array:
     return np.concatenate(([float(n_plays)], thresholds, knees, weights, np.zeros(n_plays)))
 
 
+def plain_block(thresholds: Array, weights: Array) -> Array:
+    """Return a packed block of plays that count everywhere."""
+    return knee_block(thresholds, np.full(len(thresholds), -np.inf), weights)
+
+
+def with_plays_of(block: Array, old: Array) -> Array:
+    """Return a packed block with the plays of another of as many; as it is where there are not."""
+    carried = np.array(block, dtype=np.float64)
+    if old.size == block.size:
+        first = 1 + 3 * int(block[0])
+        carried[first:] = old[first:]
+    return carried
+
+
 @compiled
 def knee_sum(block: Array, value: float, is_kept: bool) -> float:
     """Return sum of weight * (max(play, knee) - max(0, knee)) at an input; the plays move on if ``is_kept``.

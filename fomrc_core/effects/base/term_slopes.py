@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.kernels import lag_shares
-from fomrc_core.effects.base.terms import MOST_PATH, REACH, Array
+from fomrc_core.effects.base.terms import MOST_PATH, REACH, Array, shares_of
 
 
 def slopes_of_sum(
@@ -49,11 +48,7 @@ def _add_slopes(  # noqa: C901 - one pass over factors that each remember someth
     here, earlier, total = np.zeros(n_changes), np.zeros(n_changes), np.zeros(n_changes)
     before, step_s = 0.0, -1.0
     for k in range(values.size):
-        if steps_s[k] != step_s:
-            step_s = steps_s[k]
-            for j in range(n_terms):
-                if lags_s[j] > 0.0:
-                    gone[j], ramps[j] = lag_shares(step_s / lags_s[j])
+        step_s = shares_of(lags_s, steps_s[k], step_s, gone, ramps)
         x = values[k] / span_um
         is_inside = -REACH < x < REACH
         x = min(max(x, -REACH), REACH)

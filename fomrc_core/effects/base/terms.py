@@ -132,7 +132,7 @@ def _advance_term(
 
 
 @compiled
-def _shares_of(lags_s: Array, step_s: float, known_s: float, gone: Array, ramps: Array) -> float:
+def shares_of(lags_s: Array, step_s: float, known_s: float, gone: Array, ramps: Array) -> float:
     """Return the step, its shares filled in: most of what a term costs, and those of a step as long are known."""
     if step_s != known_s:
         for j in range(lags_s.size):
@@ -179,7 +179,7 @@ def run_sum(
     gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
     step_s = -1.0
     for k in range(values.size):
-        step_s = _shares_of(lags_s, steps_s[k], step_s, gone, ramps)
+        step_s = shares_of(lags_s, steps_s[k], step_s, gone, ramps)
         share = values[k] / span_um
         total = _sum_of_terms(state, weights, powers, lags_s, lag_powers, thresholds, share, gone, ramps)
         out[k] = values[k] + total
@@ -200,7 +200,7 @@ def run_terms(
     gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
     step_s = -1.0
     for k in range(x.size):
-        step_s = _shares_of(lags_s, steps_s[k], step_s, gone, ramps)
+        step_s = shares_of(lags_s, steps_s[k], step_s, gone, ramps)
         for j in range(powers.size):
             out[k, j] = _advance_term(
                 state, N_STATE * j, powers[j], lags_s[j], lag_powers[j], thresholds[j], x[k], gone[j], ramps[j]
@@ -226,7 +226,7 @@ def invert_terms(
     gone, ramps = np.zeros(lags_s.size), np.zeros(lags_s.size)
     step_s = -1.0
     for k in range(values.size):
-        step_s = _shares_of(lags_s, steps_s[k], step_s, gone, ramps)
+        step_s = shares_of(lags_s, steps_s[k], step_s, gone, ramps)
         before[:] = state
         found = values[k]
         # a contraction, for the terms are less steep than the displacement
