@@ -16,7 +16,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.least_squares import chi_squared
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import SURE
+from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judgement import Judgement
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.untaught import with_untaught

@@ -10,7 +10,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
+from fomrc_core.diagnosis.held_out_score import SURE, held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_of
 from fomrc_core.fitting.joint_fit import Refit
@@ -19,7 +19,6 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.noise import autocorrelation_inflation
 from fomrc_core.records.whitening import burg
 
-SURE = 10.0  # difference in log likelihood that settles it
 _SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.

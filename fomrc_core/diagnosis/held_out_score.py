@@ -14,6 +14,7 @@ from fomrc_core.records.noise import autocorrelation_inflation
 
 Array = NDArray[np.float64]
 
+SURE = 10.0  # difference in log likelihood that settles it
 WORTHWHILE_LOG_GAIN = 0.08
 WORTHWHILE_LOCAL_LOG_GAIN = 0.5
 _ACTIVE_ENERGY = 0.95

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
-    SURE,
     is_accepted,
     is_surely_better,
     margin_of,
@@ -22,7 +21,7 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
     whitened_margin_of,
 )
-from fomrc_core.diagnosis.held_out_score import held_out_score
+from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen

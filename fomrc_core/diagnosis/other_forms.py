@@ -5,7 +5,8 @@ from __future__ import annotations
 from concurrent.futures import Executor
 
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import SURE, sure_gain
+from fomrc_core.diagnosis.decision import sure_gain
+from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 

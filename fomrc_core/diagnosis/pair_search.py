@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import SURE, is_accepted, is_no_wander, likelier, simplest, sure_gain
-from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
+from fomrc_core.diagnosis.decision import is_accepted, is_no_wander, likelier, simplest, sure_gain
+from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.present_model import PresentModel

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
-    SURE,
     is_accepted,
     is_no_wander,
     likelier,
@@ -22,7 +21,7 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
     whitened_margin_of,
 )
-from fomrc_core.diagnosis.held_out_score import held_out_score
+from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.other_forms import in_best_form

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
-from fomrc_core.diagnosis.decision import SURE
+from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOCAL_LOG_GAIN, WORTHWHILE_LOG_GAIN, HeldOutScore
+from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOCAL_LOG_GAIN, WORTHWHILE_LOG_GAIN, HeldOutScore
 from fomrc_core.fitting.joint_fit import Refit
 
-SURE = 10.0  # difference in log likelihood that settles it
 MORE_ITERATIONS = 6  # of a start worth going on with
 # In the logarithm of the mean squared error: twice the rms after some iterations is another valley, whatever is left.
 _HOPELESS = math.log(4.0)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.held_out_score import HeldOutScore
-from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, SURE, Reach, may_be_found
+from fomrc_core.diagnosis.held_out_score import SURE, HeldOutScore
+from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, may_be_found
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
