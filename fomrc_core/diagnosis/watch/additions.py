@@ -55,7 +55,8 @@ def additions(window: Window, since_s: float) -> Iterator[Hypothesis]:
             _, effect, change_um = _refined(window, _sized(window, effect, first) or trial, first)
         is_kept = effect.can_invert and not effect.is_record_bound
         values = {name: value for name, value in effect.to_mapping().items() if isinstance(value, float)}
-        n_parameters = max(len(effect.free_names()), 1) + len(effect.held_parameters)
+        # The moment is fitted as well, where it begins with the change.
+        n_parameters = max(len(effect.free_names()), 1) + len(effect.held_parameters) + (first > 0)
         model = window.model.with_effects(effect) if is_kept else None
         began_s = float(window.time_s[first]) if first else since_s
         yield Hypothesis(effect.name, values, n_parameters, change_um, model, began_s, is_addition=True)

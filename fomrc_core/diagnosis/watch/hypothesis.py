@@ -14,8 +14,6 @@ from fomrc_core.model.piezo_model import PiezoModel
 # A change shows in motion: it may be as much older, or a little younger, than it seemed.
 _OLDER_S, _YOUNGER_S = 16.0, 4.0
 _MOMENT_STEP_S = 1.0
-# The moment of a change is found to such a part of what is known after it: its size is off by as much.
-_MOMENT_SHARE = 3e-3
 # Of what no change at all leaves: the error of a trial that cannot be.
 HOPELESS = 1e3
 REFINE_TOLERANCE = 2e-2
@@ -59,7 +57,9 @@ def sharpened(window: Window, since_s: float, error: Callable[[float], float]) -
         error: squared error of the change, fitted anew, that begins at a moment [s].
     """
     best, best_error, step_s = since_s, error(since_s), _MOMENT_STEP_S
-    while step_s > max(_MOMENT_SHARE * (window.duration_s - best), window.period_s):
+    # To the sample: one that is off by a part of what is known after it leaves as large a part of the change, which is
+    # often more than what tells two causes apart.
+    while step_s > 0.5 * window.period_s:
         for moment in (best - step_s, best + step_s):
             if 0.0 <= moment < window.duration_s - 1.0 and (tried := error(moment)) < best_error:
                 best, best_error = moment, tried

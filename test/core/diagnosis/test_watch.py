@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from small_model import MODEL
 
 from fomrc_core.diagnosis.watch.change_detector import ChangeDetector, log_evidence, n_dependent
 from fomrc_core.diagnosis.watch.model_watch import ModelWatch, WatchSettings, WatchState
-from fomrc_core.diagnosis.watch.naming import name_case
+from fomrc_core.diagnosis.watch.naming import name_case, name_change
 from fomrc_core.errors import ParameterError
 from fomrc_core.identification.convex import identify
+from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
 from test.hidden.watch.stage import Stage, draw_stage
 from test.hidden.watch.work import calibration, motion
@@ -132,6 +134,23 @@ def test_the_moment_of_a_change_does_not_shift_its_size(fitted, stage, at_s):
     assert found.cause == "sensor_scale"
     assert found.named[0].parameters["relative_change"] == pytest.approx(-0.2, rel=0.01)
     assert case.began_s + found.since_s == pytest.approx(at_s, abs=0.2)
+
+
+@pytest.mark.parametrize("seed", [2, 8, 15, 23])
+def test_another_scale_is_no_kink_at_the_end_of_the_stroke(seed):
+    """Both are the same where the kink lies above all that was reached; what a wrong moment leaves had told them."""
+    rng = np.random.default_rng(seed)
+    model, rate_hz, began_s = PiezoModel.from_mapping(MODEL), 250.0, 20.0 + rng.uniform(0.0, 1.0)
+    time_s = np.arange(int(rate_hz * rng.uniform(29.0, 40.0))) / rate_hz
+    angles = np.multiply.outer(time_s, [2.0, 5.3, 0.7]) + rng.uniform(0.0, 2.0 * np.pi, 3)
+    drive = np.sin(angles) @ [0.04, 0.02, 0.015]
+    moved = model.simulate(np.full(time_s.size, 1.0 / rate_hz), drive)
+    factor = float(np.exp(rng.uniform(np.log(0.5), np.log(1.5))))
+    read = np.where(time_s < began_s, moved, factor * moved) + 1e-4 * np.ptp(moved) * rng.standard_normal(time_s.size)
+    found = name_change(model, Recording(time_s, drive, read), 20.0)
+    assert found.cause == "sensor_scale", str(found)
+    assert found.named[0].parameters["relative_change"] == pytest.approx(factor - 1.0, rel=0.005)
+    assert found.since_s == pytest.approx(began_s, abs=2.0 / rate_hz)
 
 
 @pytest.mark.parametrize(
