@@ -90,6 +90,7 @@ class Diagnosis:
         stand_ins: accepted forms that another cause surely beats, or whose parameters are no larger than their errors,
             and that are no names for it: in the extended model for what they gain, for something that is not known.
         left_out: what of the search was too much work, in words: what was not asked may act.
+        further_terms: accepted effects that are one more term of a finding, and no names of their own.
     """
 
     status: Status
@@ -114,6 +115,12 @@ class Diagnosis:
     stand_ins: tuple[Finding, ...] = ()
     beyond_learned: tuple[BeyondLearned, ...] = ()
     left_out: tuple[str, ...] = ()
+    further_terms: tuple[Finding, ...] = ()
+
+    @property
+    def accepted(self) -> tuple[Finding, ...]:
+        """The findings and what is one more term of one."""
+        return (*self.findings, *self.further_terms)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -148,6 +155,7 @@ class Diagnosis:
         lines += [f"beyond what was learned: {beyond}" for beyond in self.beyond_learned]
         lines += self.thinning.sentences() if self.thinning is not None else ()
         lines += [finding.sentence() for finding in self.findings]
+        lines += [term.sentence_of_term(term.wider_of(self.findings)) for term in self.further_terms]
         lines += [finding.sentence_of_stand_in() for finding in self.stand_ins]
         if self.ambiguous_with:
             lines.append(f"cannot be told from: {', '.join(self.ambiguous_with)}")
@@ -263,11 +271,11 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
     if windows is not None:
         looked = LookedOver.taken((windows.recording,))
         found = _searched(looked, asked, part(0.05, 0.25, "at the full rate"), long)
-        begun, long = long, long.with_found(windows, found.findings, found.ambiguous_with, found.extended_model)
+        begun, long = long, long.with_found(windows, found.accepted, found.ambiguous_with, found.extended_model)
         general = [f.cause for f in long.known if cause_classes()[f.cause].generalizes]
         if general:
             found = _searched(looked, asked.without(general), part(0.25, 0.3, "at the full rate, simpler"), begun)
-            other = begun.with_found(windows, found.findings, found.ambiguous_with, found.extended_model)
+            other = begun.with_found(windows, found.accepted, found.ambiguous_with, found.extended_model)
             long = long.unless_as_good(other, windows)
     asked = asked.without((*long.not_looked_for, *(effect.name for effect in long.effects)))
     result = _searched(long.looked_over(), asked, part(0.3, 0.7, "thinned"), long)
@@ -328,8 +336,11 @@ def _result(
     unnamed_forms = {step.accepted.cause for step in steps if step.is_beaten}
     unnamed_forms |= {finding.cause for finding in everything if finding.is_undetermined}
     findings = tuple(finding for finding in everything if finding.cause not in unnamed_forms)
+    terms = tuple(finding for finding in findings if finding.wider_of(findings))
+    findings = tuple(finding for finding in findings if finding not in terms)
     # what else a form could be that is no name is nobody's question
-    tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause not in unnamed_forms), ())
+    named = {finding.cause for finding in findings}
+    tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause in named), ())
     status = judgement.status([finding.probability for finding in findings], bool(tied), bool(unnamed_forms))
     status = unless_uncompared(status, found.left_out)
     tell(0.98, "what no cause explains")
@@ -345,7 +356,7 @@ def _result(
     return Diagnosis(
         status=status,
         judgement=judgement,
-        probability_of_unknown=probability_of_unknown(judgement, everything),
+        probability_of_unknown=probability_of_unknown(judgement, tuple(f for f in everything if f not in terms)),
         noise=noise,
         noise_floor_um=floor,
         baseline_train_percent=normalised_percent(train, [r.measured_um for r in split.train]),
@@ -361,6 +372,7 @@ def _result(
         quoted_on=split.report[0].record.recording.name,
         unnamed=described,
         stand_ins=tuple(finding for finding in everything if finding.cause in unnamed_forms),
+        further_terms=terms,
         beyond_learned=split.beyond_learned,
         left_out=found.left_out,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,6 +80,18 @@ class Finding:
         is_no_size = bool(sizes) and all(value < _LEAST_ERRORS * error for value, error in sizes)
         return is_no_size or (not kind.is_record_bound and any(error > value for value, error in scales))
 
+    def wider_of(self, findings: Sequence[Finding]) -> str:
+        """Return the name of the finding among others of which this is one more term; empty where there is none."""
+        wider = cause_classes()[self.cause].one_more_of
+        return next((other.cause for other in findings if other.cause in wider), "")
+
+    def sentence_of_term(self, of: str) -> str:
+        """Return in a line what one more term of a finding gains."""
+        return (
+            f"{self._with_parameters()}: one more term of {of}, from which no drive tells it: no name of its own, "
+            f"held-out error {self.nrmse_percent_test_before:.4g} % -> {self.nrmse_percent_test_after:.4g} %"
+        )
+
     def sentence_of_stand_in(self) -> str:
         """Return in a line what is gained by a form that is no name."""
         why = "another surely does better in its place, and is no finding either"
@@ -92,6 +104,12 @@ class Finding:
 
     def sentence(self) -> str:
         """Return the finding in a line."""
+        return (
+            f"{self._with_parameters()}: held-out error {self.nrmse_percent_test_before:.4g} % -> "
+            f"{self.nrmse_percent_test_after:.4g} %; probability {100.0 * self.probability:.0f} %"
+        )
+
+    def _with_parameters(self) -> str:
         shown = []
         for name, value in self.parameters.items():
             if isinstance(value, list):
@@ -101,10 +119,7 @@ class Finding:
             if error is None and value == getattr(cause_classes()[self.cause], name, None):
                 continue  # a part of the effect that is not in use
             shown.append(f"{name} {value:.5g}" + (f" +- {error:.2g}" if error is not None else ""))
-        return (
-            f"{self.cause} ({', '.join(shown)}): held-out error {self.nrmse_percent_test_before:.4g} % -> "
-            f"{self.nrmse_percent_test_after:.4g} %; probability {100.0 * self.probability:.0f} %"
-        )
+        return f"{self.cause} ({', '.join(shown)})"
 
 
 def findings_of(

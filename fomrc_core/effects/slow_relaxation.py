@@ -55,6 +55,7 @@ class SlowRelaxation(Effect):
     inverse_note: ClassVar[str] = "inverted exactly"
     can_invert: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("amplitude",)
+    one_more_of: ClassVar[tuple[str, ...]] = ("creep_law",)  # a spectrum of relaxations holds any one more
 
     amplitude: float
     time_constant_s: float

@@ -196,10 +196,10 @@ def _spectrum(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
-    findings = (*diagnosis.findings, *diagnosis.stand_ins)
+    findings = (*diagnosis.accepted, *diagnosis.stand_ins)
     errors = [diagnosis.baseline_test_percent, *(f.nrmse_percent_test_after for f in findings)]
     forms = [f"+ form of {f.cause}" for f in diagnosis.stand_ins]
-    names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in diagnosis.findings), *forms]
+    names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in diagnosis.accepted), *forms]
     floor = normalised_percent(diagnosis.noise_floor_um, [quoted_record(diagnosis).measured_um])
     longest = max(*errors, floor)
     for place, (error, name) in enumerate(zip(errors, names, strict=True)):

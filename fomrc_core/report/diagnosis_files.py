@@ -106,6 +106,9 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "effects": [cause.name for cause in model.causes],
             "not_inverted": {cause.name: cause.inverse_note for cause in model.causes if not cause.can_invert},
         },
+        "further_terms": [
+            _finding(term) | {"of": term.wider_of(diagnosis.findings)} for term in diagnosis.further_terms
+        ],
         "stand_ins": [_finding(finding) for finding in diagnosis.stand_ins],
         "unnamed_extension": _unnamed(diagnosis.unnamed),
         "noise": {

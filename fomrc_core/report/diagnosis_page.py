@@ -163,6 +163,8 @@ def _without_findings(diagnosis: Diagnosis) -> Iterator[str]:
             "<p>No cause was accepted: none made the prediction of held-out data better by enough to be more than "
             "chance.</p>"
         )
+    for term in diagnosis.further_terms:
+        yield f"<p>{prose(term.sentence_of_term(term.wider_of(diagnosis.findings)))}.</p>"
     for form in diagnosis.stand_ins:
         yield f"<p>{prose(form.sentence_of_stand_in())}. It stays in the extended model for what it gains.</p>"
 
