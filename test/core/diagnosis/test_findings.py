@@ -47,3 +47,13 @@ def test_sizes_within_their_errors_and_scales_not_known_to_their_size(cause, par
     finding = Finding(cause, parameters, errors, 2.0, 1.0, 0.5, 1e-6, "", "")
     assert finding.is_undetermined is is_undetermined
     assert ("no larger than their errors" in finding.sentence_of_stand_in()) is is_undetermined
+
+
+def test_a_relaxation_is_a_term_of_a_law_of_creep_and_a_name_where_there_is_none():
+    law = Finding("creep_law", {"per_decade": 0.1}, {}, 2.0, 1.0, 0.5, 1e-6, "", "")
+    relaxation = Finding("slow_relaxation", {"amplitude": 0.1, "time_constant_s": 3.0}, {}, 1.0, 0.5, 0.5, 1e-6, "", "")
+    other = Finding("mains_hum", {"frequency_hz": 50.0}, {}, 2.0, 1.0, 0.5, 1e-6, "", "")
+    assert relaxation.wider_of((law, relaxation)) == relaxation.wider_of((relaxation, law)) == "creep_law"
+    assert relaxation.wider_of((relaxation, other)) == ""
+    assert law.wider_of((law, relaxation)) == ""
+    assert "one more term of creep_law" in relaxation.sentence_of_term("creep_law")

@@ -321,6 +321,18 @@ def test_what_an_answer_leaves_in_doubt_is_said(tmp_path: Path) -> None:
     assert doubt in str(given)
 
 
+def test_one_more_term_of_a_finding_is_shown_and_is_no_name(tmp_path: Path) -> None:
+    law, term = (replace(_FINDING, cause=cause, parameters={}) for cause in ("creep_law", "slow_relaxation"))
+    given = _diagnosis(status=Status.EXPLAINED, findings=(law,), further_terms=(term,))
+    write_report(given, tmp_path)
+    results = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert [finding["cause"] for finding in results["findings"]] == ["creep_law"]
+    assert [(form["cause"], form["of"]) for form in results["further_terms"]] == [("slow_relaxation", "creep_law")]
+    shown = _Page((tmp_path / "report.html").read_text()).text
+    assert "one more term of creep_law" in shown
+    assert "one more term of creep_law" in str(given)
+
+
 def test_a_form_that_stands_in_is_shown_and_is_no_name(tmp_path: Path) -> None:
     given = _diagnosis(status=Status.UNEXPLAINED, findings=(), stand_ins=(_FINDING,))
     write_report(given, tmp_path)
