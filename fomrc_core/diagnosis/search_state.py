@@ -40,6 +40,8 @@ def with_rival(
 ) -> SearchState:
     """Return the state with another cause in the place of one: with what was found since it does better.
 
+    What was found since may have mended what the one got wrong: every finding is tested again beside the other.
+
     Args:
         state: the state so far.
         at: place of the one.
@@ -51,7 +53,7 @@ def with_rival(
     steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
     final = fit_until_still(rival.fitted.model, split.train, executor)
     tried = frozenset(step.accepted.cause for step in steps)
-    return SearchState(follow_held(final.model, split), steps, final, tried)
+    return pruned(SearchState(follow_held(final.model, split), steps, final, tried), split, executor)
 
 
 def pruned(state: SearchState, split: DataSplit, executor: Executor | None) -> SearchState:
