@@ -37,7 +37,8 @@ def test_what_had_mended_the_one_goes_where_another_takes_its_place() -> None:
     base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
 
     def found(before: TrialModel, model: TrialModel, cause: str) -> Candidate:
-        return candidate_of(PresentModel.of(before, split), split, cause, fit_until_still(model, split.train, None), bound=False)
+        fitted = fit_until_still(model, split.train, None)
+        return candidate_of(PresentModel.of(before, split), split, cause, fitted, bound=False)
 
     lag = found(base, base.with_cause(AmplifierBandwidth(20.0)), "amplifier_bandwidth")
     mended = found(lag.fitted.model, lag.fitted.model.with_cause(SlowRelaxation(1e-3, 0.05)), "slow_relaxation")
