@@ -24,6 +24,7 @@ from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks, learned_blocks
+from fomrc_core.records.noise import autocorrelation_inflation
 
 Array = NDArray[np.float64]
 
@@ -96,6 +97,14 @@ class Candidate:
         A rich cause fits anything in training; but with two effects hidden neither alone need help held-out data.
         """
         return max(self.held_gain, -0.5) + _TRAINING_COUNTS * self.train_log_gain
+
+    @property
+    def log_likelihood_gain(self) -> float:
+        """By how much training and held-out data together are likelier with it, parameters uncounted [1]."""
+        gain = 0.0
+        for left, log_gain in ((self.fitted.residual, self.train_log_gain), (self.held, self.score.log_gain)):
+            gain += 0.5 * log_gain * sum(values.size / autocorrelation_inflation(values) for values in left)
+        return gain
 
     @property
     def held_gain(self) -> float:

@@ -38,11 +38,23 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
     return (
         candidate.is_plausible
         and candidate.is_distinguishable
-        and candidate.train_log_gain >= _LEAST_LEARNT  # what teaches nothing has only shaken the base
+        and _is_learnt(candidate)
         and candidate.score.p_value < _SIGNIFICANCE / n_causes
         and candidate.score.is_worthwhile()
         and (candidate.score.log_gain >= _RICH_GAIN or not candidate.brings_plays)
     )
+
+
+def _is_learnt(candidate: Candidate) -> bool:
+    """Return whether training speaks for a candidate: what teaches nothing has only shaken the base.
+
+    One without anything to fit has nothing to learn: of it held-out data, which no fit has seen, say as much, unless
+    training says more against it. A hold beside the delay that had taken its time is told by another sampling rate.
+    """
+    if candidate.train_log_gain >= _LEAST_LEARNT:
+        return True
+    has_nothing_to_learn = candidate.n_free == 0 and not candidate.brings_plays
+    return has_nothing_to_learn and candidate.log_likelihood_gain > SURE
 
 
 def is_no_wander(candidate: Candidate, split: DataSplit, cause: str = "") -> bool:

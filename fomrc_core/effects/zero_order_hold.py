@@ -145,6 +145,8 @@ class ZeroOrderHold(Effect):
         gains = {n: sum(_likeness(r, n) for r in evidence.records) for n in range(1, _MOST_SAMPLES + 1)}
         ordered = sorted(gains, key=lambda n: -gains[n])
         likeliest = [n for n in ordered if n <= _FEW_SAMPLES][:_N_TRIALS] + [n for n in ordered if n > _FEW_SAMPLES][:1]
+        # one sample is what converters hold; beside a delay that has taken its time no residual is like it
+        likeliest += [1] if 1 not in likeliest else []
         return cls.proposed({"hold_s": n * evidence.sample_period_s, "per_sample": float(n == 1)} for n in likeliest)
 
 
