@@ -80,6 +80,9 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         # the forms of what befell single records differ little until the base no longer bends to it
         followed = (_followed(way, split, present.squared_error) for way in fits)
         return min(followed, key=lambda f: f.squared_error)
+    if begun.begins_far_off:
+        # the plays were chosen beside the power law: beside another they are others, and no form is told before
+        fits = [fit_until_still(fitted.model, split.train) for fitted in _best_of_forms(fits)]
     closest = min(fits, key=lambda f: f.squared_error)
     if closest.squared_error > _FAR_BEHIND * max(least_um2, noise_um2(present, split)):
         # whichever form of it is the right one, another cause left less when it had only begun
@@ -199,6 +202,14 @@ def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: Data
     apart = tuple(a - b for a, b in zip(one.residual, other.residual, strict=True))
     explained = present.squared_error - max(one.squared_error, other.squared_error)
     return squared_error(split.train, apart) < _SAME_VALLEY * explained
+
+
+def _best_of_forms(fits: list[Refit]) -> list[Refit]:
+    """Return the fit of each form that leaves least."""
+    best: dict[tuple[object, ...], Refit] = {}
+    for fitted in sorted(fits, key=lambda f: f.squared_error):
+        best.setdefault(_form(fitted.model), fitted)
+    return list(best.values())
 
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:

@@ -140,8 +140,11 @@ def judge(
     undriven_um = after_um * math.sqrt(1.0 - share)
     noise_um = floor_um if sees_slow_noise else max(floor_um, undriven_um)
     reasons = []
-    # weights learned from noise that is correlated with itself err, and that follows the drive, however right the model
-    if share > _NEGLIGIBLE_SHARE + excess / (1.0 + excess):
+    carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
+    # weights learned from noise that is correlated with itself err, and that follows the drive, however right the model;
+    # where more is left than such weights leave held out, no noise excuses what follows the drive
+    excused = excess / (1.0 + excess) if after_um <= LARGEST_EXCESS * carried_um else 0.0
+    if share > _NEGLIGIBLE_SHARE + excused:
         worst = max(sure, key=lambda d: d.share)
         reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
     expected_um = floor_um * math.sqrt(1.0 + excess)
@@ -149,7 +152,6 @@ def judge(
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")
     if sees_slow_noise and worst_um > LARGEST_EXCESS_ANYWHERE * expected_um:
         reasons.append(f"it is {worst_um / floor_um:.2f} times that noise in one of the records")
-    carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
     # a cause that bends to much else must leave what is known to be noise, or at least carry all that it learned
     if is_flexible and sees_slow_noise and after_um > _LARGEST_EXCESS_FLEXIBLE * floor_um:
         reasons.append(f"it is {after_um / floor_um:.2f} times the known noise, with a cause that bends to much else")

@@ -106,6 +106,15 @@ def test_what_weights_learned_from_noise_err_is_no_cause():
     assert not judge(1.0, True, 9.0, 2.0, 2.0, _NOTHING, learning_excess=50.0).is_noise
 
 
+def test_what_weights_err_excuses_what_follows_the_drive_only_where_no_more_is_left():
+    def left(after_um: float) -> bool:
+        tests = (Dependence("rate", 0.25, 1e-6), *_NOTHING)
+        return judge(0.5, False, 9.0, after_um, after_um, tests, learning_excess=0.25, learned_um=1.0).is_noise
+
+    assert left(1.5)
+    assert not left(1.6), "more than such weights leave where they were not learned"
+
+
 def test_a_record_without_any_noise_is_answered() -> None:
     # a straight line of a simulation: what is left is rounding, and the noise between its samples nothing at all
     time_s = np.arange(300) * 0.01
