@@ -141,7 +141,7 @@ def judge(
     noise_um = floor_um if sees_slow_noise else max(floor_um, undriven_um)
     reasons = []
     carried_um = learned_um * math.sqrt((1.0 + excess) / (1.0 - excess))
-    # weights learned from noise that is correlated with itself err, and that follows the drive, however right the model;
+    # weights learned from noise that is correlated with itself err, which follows the drive, however right the model:
     # where more is left than such weights leave held out, no noise excuses what follows the drive
     excused = excess / (1.0 + excess) if after_um <= LARGEST_EXCESS * carried_um else 0.0
     if share > _NEGLIGIBLE_SHARE + excused:
