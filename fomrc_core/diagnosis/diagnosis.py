@@ -307,6 +307,8 @@ def _result(
     # Many arguments: what each stage of a diagnosis came to; no two are ever handed on together.
     found, extension = never_worse(found, base, split, has_elements=first is not None)
     steps = (first, *found.steps) if first is not None and not extension.is_base else found.steps
+    if extension.is_base:
+        base = extension.trial  # what is told of it is told of what is written: weights as elements can have them
     tell(0.97, "what remains")
     records, worst, floor = record_views(split, base, extension.trial, noise)
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]

@@ -22,8 +22,10 @@ from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_sc
 from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
 from fomrc_core.effects import Covariate, Effect, Stage, effect_classes
 from fomrc_core.effects.base.linear_terms import LinearTerms
+from fomrc_core.effects.base.ringing import ringing_peaks_hz
 from fomrc_core.effects.base.term_scales import TermScales
 from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, order_slope, record_columns, residuals
 from fomrc_core.fitting.trial_model import TrialModel, predict
@@ -103,7 +105,8 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
     """Return the model with the terms that stay; None where none does.
 
     What no cause explains has bent the weights of the plays and the creep order that were fitted without it, and terms
-    would be spent on mending that. So both are fitted anew beside the terms, and the terms chosen again.
+    would be spent on mending that. So both are fitted anew beside the terms, and the terms chosen again, those with a memory
+    where the fit has moved it to as well, and where what is left now rings.
     """
     best, least = None, np.inf
     for _ in range(_MOST_TURNS):
@@ -126,22 +129,36 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
         best, least = extended, error
         if is_still:
             break
+        offered = _offered(model, split, extended)
         model = replace(extended, effects=model.effects)
     return best
 
 
-def _offered(model: TrialModel, split: DataSplit) -> list[Effect]:
-    """Return all terms there are to choose from; none where nothing moves."""
+def _offered(model: TrialModel, split: DataSplit, found: TrialModel | None = None) -> list[Effect]:
+    """Return all terms there are to choose from; none where nothing moves.
+
+    Args:
+        model: without terms.
+        split: records.
+        found: with terms that were chosen before, where some were.
+    """
     moved = [predict(model, record, i)[record.is_used] for i, record in enumerate(split.train)]
     span_um = max(float(np.max(np.abs(y))) for y in moved)
     if not span_um > 0.0:
         return []
     step_s = float(np.median(split.train[0].steps_s))
     longest_s = max(float(record.time_s[-1]) for record in split.train)
-    left = [v[r.is_used] for v, r in zip(residuals(model, split.train), split.train, strict=True)]
-    period_v = drive_period_v([r.voltage_v[r.is_used] for r in split.train], left)
-    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split), period_v)
-    return [offer for kind in effect_classes().values() if (offer := kind.offered(scales)) is not None]
+    left_um = residuals(found or model, split.train)
+    used = [v[r.is_used] for v, r in zip(left_um, split.train, strict=True)]
+    period_v = drive_period_v([r.voltage_v[r.is_used] for r in split.train], used)
+    ringing_hz = ringing_peaks_hz(evidence_of(found or model, split.train, left_um, split.noise_um))
+    scales = TermScales(span_um, step_s, longest_s, _moving_columns(split), period_v, tuple(ringing_hz))
+    offers = [offer for kind in effect_classes().values() if (offer := kind.offered(scales)) is not None]
+    known = {effect.name: effect for effect in found.effects if isinstance(effect, LinearTerms)} if found else {}
+    return [
+        offer.and_modes_of(known[offer.name]) if isinstance(offer, LinearTerms) and offer.name in known else offer
+        for offer in offers
+    ]
 
 
 def _moving_columns(split: DataSplit) -> dict[Covariate, tuple[float, float]]:

@@ -10,6 +10,7 @@ from fomrc_core.effects.base.linear_terms import LinearTerms, offered_terms
 from fomrc_core.effects.base.term_scales import TermScales
 
 _DAMPING_RATIOS = (0.3, 0.1)  # of what is offered: a fit moves it
+_WHERE_IT_RINGS = (0.1, 0.02)  # the same where what is left has most power: a light swing answers to little else
 
 
 @dataclass(frozen=True)
@@ -28,5 +29,9 @@ class UnnamedRinging(LinearTerms):
 
     @classmethod
     def offered(cls, scales: TermScales) -> UnnamedRinging:
-        """Return swings of all periods, well and lightly damped."""
-        return cls(*offered_terms((), scales.swings_s, _DAMPING_RATIOS))
+        """Return swings of all periods, well damped, and lightly where what is left rings."""
+        everywhere = offered_terms((), scales.swings_s, _DAMPING_RATIOS)
+        if not scales.ringing_hz:
+            return cls(*everywhere)
+        ringing = offered_terms((), [1.0 / f for f in scales.ringing_hz], _WHERE_IT_RINGS)
+        return cls(*(own + more for own, more in zip(everywhere, ringing, strict=True)))

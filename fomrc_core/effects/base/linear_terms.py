@@ -70,6 +70,19 @@ class LinearTerms(Effect):
         lists = (self.decays_per_s, self.swings_per_s, self.kinds)
         return type(self)(tuple(float(w) for w in weights_um), *(tuple(own[k] for k in chosen) for own in lists))
 
+    def and_modes_of(self, other: LinearTerms) -> LinearTerms:
+        """Return the effect with terms of the modes of another, of weight one, beside its own."""
+        added = [
+            (decay, swing, kind)
+            for decay, swing in other._distinct()
+            for kind in ((NOT_YET, SWING) if swing else (NOT_YET, LATE))
+        ]
+        decays, swings, kinds = zip(*added, strict=True)
+        ones = tuple(1.0 for _ in added)
+        return type(self)(
+            self.weights + ones, self.decays_per_s + decays, self.swings_per_s + swings, self.kinds + kinds
+        )
+
     def memory(self) -> Array:
         """Return logarithms of decay and, where it has one, swing of each mode of its own, shape (n_numbers,)."""
         return np.log([rate for mode in self._distinct() for rate in mode if rate > 0.0])

@@ -27,6 +27,7 @@ class TermScales:
         duration_s: length of the longest [s].
         columns: middle and half the range of each signal that all of them have, in its unit.
         drive_period_v: period of the voltage with which what is left comes back [V]; None where it does not.
+        ringing_hz: frequencies at which the rate of what is left has most power [Hz].
     """
 
     span_um: float
@@ -34,6 +35,7 @@ class TermScales:
     duration_s: float
     columns: Mapping[Covariate, tuple[float, float]]
     drive_period_v: float | None = None
+    ringing_hz: tuple[float, ...] = ()
 
     @property
     def lags_s(self) -> list[float]:
