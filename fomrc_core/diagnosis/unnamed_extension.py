@@ -37,7 +37,7 @@ _WORTH_TRYING = 1.1  # times the noise floor: less is what a floor is known to
 _SIGNIFICANCE = 0.05
 _MOST_TERMS = 8
 _MOST_SAMPLES = 20_000  # of a record, spread evenly: a few terms need no more
-_MOST_TURNS = 3
+_MOST_TURNS = 6
 _REST_S = 1e9  # before a record that begins at rest
 
 

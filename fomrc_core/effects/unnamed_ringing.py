@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from fomrc_core.effects.base.effect import Stage
 from fomrc_core.effects.base.linear_terms import LinearTerms, offered_terms
 from fomrc_core.effects.base.term_scales import TermScales
 
 _DAMPING_RATIOS = (0.3, 0.1)  # of what is offered: a fit moves it
-_WHERE_IT_RINGS = (0.1, 0.02)  # the same where what is left has most power: a light swing answers to little else
+_WHERE_IT_RINGS = (0.1, 0.03)  # the same where what is left has most power: a light swing answers to little else
+_ABOUT = np.linspace(0.85, 1.15, 11)  # of a peak's frequency, known to a bin of a spectrum: within a light swing's band
 
 
 @dataclass(frozen=True)
@@ -33,5 +36,6 @@ class UnnamedRinging(LinearTerms):
         everywhere = offered_terms((), scales.swings_s, _DAMPING_RATIOS)
         if not scales.ringing_hz:
             return cls(*everywhere)
-        ringing = offered_terms((), [1.0 / f for f in scales.ringing_hz], _WHERE_IT_RINGS)
+        periods_s = [1.0 / (share * f) for f in scales.ringing_hz for share in _ABOUT]
+        ringing = offered_terms((), periods_s, _WHERE_IT_RINGS)
         return cls(*(own + more for own, more in zip(everywhere, ringing, strict=True)))

@@ -105,3 +105,29 @@ def test_a_period_of_the_voltage_is_seen_in_what_is_left_and_in_noise_none(n_sam
     period = drive_period_v([voltage], [0.1 * noise + voltage / 0.7 - np.rint(voltage / 0.7)])
     assert period == pytest.approx(0.7, rel=1e-3)
     assert drive_period_v([np.ones(50)], [noise[:50]]) is None
+
+
+def rung(t: Array, moved: Array) -> Array:
+    """Return a displacement that comes through two light modes side by side."""
+    parts = []
+    for share, frequency_hz, damping in ((0.7, 7.3, 0.02), (0.3, 19.0, 0.015)):
+        natural = 2.0 * np.pi * frequency_hz
+        parts.append(share * lsim(([natural**2], [1.0, 2.0 * damping * natural, natural**2]), moved, t)[1])
+    return np.sum(parts, axis=0)
+
+
+def test_light_modes_are_followed_where_what_is_left_rings() -> None:
+    def record(seed: int) -> Recording:
+        still = measured(seed, lambda t, v: v)
+        noise_um = _NOISE_UM * np.random.default_rng(seed + 100).normal(size=_N)
+        moved_um = PiezoModel.from_mapping(MODEL).simulate(still.steps_s, still.voltage_v)
+        return Recording(still.time_s, still.voltage_v, rung(still.time_s, moved_um) + noise_um, name=f"{seed}")
+
+    split = split_data((record(30),), record(31), record(32), _NOISE_UM)
+    base = base_model(split)
+    found = unnamed_extension(base, split, _NOISE_UM)
+    assert found is not None
+    _, unnamed = found
+    print(unnamed)
+    assert unnamed.words.count("swings of the displacement") == 2
+    assert unnamed.rms_after_um < 0.1 * unnamed.rms_before_um
