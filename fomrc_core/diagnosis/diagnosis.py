@@ -24,6 +24,7 @@ from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
+from fomrc_core.diagnosis.followed_rest import may_be_followed, unless_followed
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.long_search import LongSearch
@@ -334,6 +335,11 @@ def _result(
     constant = constancy(found.model, found.final, split)
     judgement = unless_inconstant(judgement, constant)
     findings = tuple(replace(finding, twice=constant.of_cause(finding.cause)) for finding in findings)
+    tell(0.98, "what no cause explains")
+    unnamed = None
+    if not judgement.is_noise or may_be_followed(after, floor):
+        unnamed = unnamed_extension(extension.trial, split, floor)
+    judgement = unless_followed(judgement, unnamed[1] if unnamed is not None else None)
     everything = with_probabilities(findings, judgement)
     unnamed_forms = {step.accepted.cause for step in steps if step.is_beaten}
     unnamed_forms |= {finding.cause for finding in everything if finding.is_undetermined}
@@ -345,12 +351,10 @@ def _result(
     tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause in named), ())
     status = judgement.status([finding.probability for finding in findings], bool(tied), bool(unnamed_forms))
     status = unless_uncompared(status, found.left_out)
-    tell(0.98, "what no cause explains")
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
-    unnamed = None if judgement.is_noise else unnamed_extension(extension.trial, split, floor)
     written, described = extension.model, None
     trial = extension.trial
-    if unnamed is not None:
+    if unnamed is not None and not judgement.is_noise:
         trial, described = unnamed
         written = as_written(trial, split)
         records, _, _ = record_views(split, base, trial, noise)

@@ -105,7 +105,7 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
     """Return the model with the terms that stay; None where none does.
 
     What no cause explains has bent the weights of the plays and the creep order that were fitted without it, and terms
-    would be spent on mending that. So both are fitted anew beside the terms, and the terms chosen again, those with a memory
+    would be spent on mending that. So both are fitted anew beside the terms, and the terms chosen again, those with a
     where the fit has moved it to as well, and where what is left now rings.
     """
     best, least = None, np.inf
