@@ -106,9 +106,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
             "effects": [cause.name for cause in model.causes],
             "not_inverted": {cause.name: cause.inverse_note for cause in model.causes if not cause.can_invert},
         },
-        "further_terms": [
-            _finding(term) | {"of": term.wider_of(diagnosis.findings)} for term in diagnosis.further_terms
-        ],
+        "further_terms": _further_terms(diagnosis),
         "stand_ins": [_finding(finding) for finding in diagnosis.stand_ins],
         "unnamed_extension": _unnamed(diagnosis.unnamed),
         "noise": {
@@ -161,6 +159,10 @@ def _unnamed(extension: UnnamedExtension | None) -> dict[str, Any] | None:
         "p_value": extension.p_value,
         "parameters": {effect.name: effect.to_mapping() for effect in extension.effects},
     }
+
+
+def _further_terms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [_finding(term) | {"of": term.wider_of(diagnosis.findings)} for term in diagnosis.further_terms]
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
