@@ -30,6 +30,7 @@ from fomrc_core.storage.atomic import write_bytes
 if TYPE_CHECKING:
     from fomrc_core.diagnosis.diagnosis import Diagnosis
     from fomrc_core.diagnosis.findings import Finding
+    from fomrc_core.diagnosis.judgement import Judgement
     from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension
 
 
@@ -116,14 +117,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
         "probability_of_unknown": diagnosis.probability_of_unknown,
         "doubts": list(diagnosis.doubts),
         "left_out": list(diagnosis.left_out),
-        "remainder": {
-            "is_noise": diagnosis.judgement.is_noise,
-            "reasons": list(diagnosis.judgement.reasons),
-            "follows_from": [
-                {"on": test.on, "share": test.share, "p_value": test.p_value}
-                for test in diagnosis.judgement.dependences
-            ],
-        },
+        "remainder": _remainder(diagnosis.judgement),
         "data_quality": [quality_results(quality) for quality in diagnosis.data_quality],
         "beyond_learned": [
             {"record": beyond.name, "widest_play_v": beyond.widest_v, "learned_v": beyond.learned_v}
@@ -159,6 +153,11 @@ def _unnamed(extension: UnnamedExtension | None) -> dict[str, Any] | None:
         "p_value": extension.p_value,
         "parameters": {effect.name: effect.to_mapping() for effect in extension.effects},
     }
+
+
+def _remainder(judgement: Judgement) -> dict[str, Any]:
+    tests = [{"on": test.on, "share": test.share, "p_value": test.p_value} for test in judgement.dependences]
+    return {"is_noise": judgement.is_noise, "reasons": list(judgement.reasons), "follows_from": tests}
 
 
 def _further_terms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
