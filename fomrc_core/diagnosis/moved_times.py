@@ -35,6 +35,8 @@ def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialM
     for cause in model.causes_in(index):
         if any(getattr(cause, name) for name in cause.moved_times):
             model = _without_idle(_moved(model, record, index, cause), record, index, cause.name)
+        elif cause.moved_moments:
+            model = _moved(model, record, index, cause)
     return model
 
 
@@ -65,30 +67,45 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
     error, n_trials = _error(model, record, index), 0
     while step_s >= least_s and n_trials < _MOST_TRIALS:
         is_better = False
-        for listed in cause.moved_times:
-            for at in range(len(getattr(cause, listed))):
-                for change_s in (step_s, -step_s):
-                    trial = _with_one_moved(cause, listed, at, change_s)
-                    if trial is None or not _is_seen(record, getattr(cause, listed)[at], getattr(trial, listed)[at]):
-                        continue
-                    option = model.with_cause(trial, index)
-                    option_error = _error(option, record, index)
-                    n_trials += 1
-                    if option_error < error:
-                        model, cause, error, is_better = option, trial, option_error, True
-                        break
+        for number in _numbers(cause, record):
+            for change_s in (step_s, -step_s):
+                trial = _with_one_moved(cause, number, change_s, record)
+                if trial is None:
+                    continue
+                option = model.with_cause(trial, index)
+                option_error = _error(option, record, index)
+                n_trials += 1
+                if option_error < error:
+                    model, cause, error, is_better = option, trial, option_error, True
+                    break
         if not is_better:
             step_s *= 0.5
     return model
 
 
-def _with_one_moved(cause: Cause, name: str, at: int, change_s: float) -> Cause | None:
+def _numbers(cause: Cause, record: FitRecord) -> list[tuple[str, int | None]]:
+    """Return what is moved of a cause: places in its lists, moments within the record, and how long they take."""
+    listed = [(name, at) for name in cause.moved_times for at in range(len(getattr(cause, name)))]
+    moments = [name for name in cause.moved_moments if getattr(cause, name) < record.time_s[-1]]
+    return [*listed, *((name, None) for name in (*moments, *cause.moved_durations))]
+
+
+def _with_one_moved(cause: Cause, number: tuple[str, int | None], change_s: float, record: FitRecord) -> Cause | None:
+    """Return the cause with one of its times moved; None where it cannot be there, or nobody looks there."""
+    name, at = number
+    if at is None:
+        before_s = float(getattr(cause, name))
+        after_s = before_s + change_s
+        if name in cause.moved_durations:
+            after_s = max(after_s, 0.0)
+            return _changed(cause, {name: after_s}) if after_s != before_s else None
+        return _changed(cause, {name: after_s}) if _is_seen(record, before_s, after_s) else None
     times_s = list(getattr(cause, name))
-    times_s[at] += change_s
-    return _changed(cause, {name: tuple(times_s)})
+    before_s, times_s[at] = times_s[at], times_s[at] + change_s
+    return _changed(cause, {name: tuple(times_s)}) if _is_seen(record, before_s, times_s[at]) else None
 
 
-def _changed(cause: Cause, times_s: Mapping[str, tuple[float, ...]]) -> Cause | None:
+def _changed(cause: Cause, times_s: Mapping[str, float | tuple[float, ...]]) -> Cause | None:
     try:
         return replace(cause, **times_s)
     except ParameterError:

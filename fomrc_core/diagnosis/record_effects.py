@@ -25,6 +25,7 @@ from fomrc_core.records.drive import learned_blocks
 
 _MAX_TRIALS = 12  # instances simulated at full size, a simulation each
 _MAX_STARTS = 3  # of them fitted
+_MOST_TURNS, _STILL = 6, 0.99  # times moved and all else fitted in turn, until the error falls by less
 
 
 def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
@@ -44,7 +45,24 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
         timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
         model = fit_one_record(model, one, part.index, kinds - timed)
         model = fit_one_record(model, part.record, part.index, timed)
+        for kind in sorted(kinds):
+            if has_own_times(cause_classes()[kind]) and model.has(kind, part.index):
+                model = _anew_where_better(model, part.record if kind in timed else one, part.index, kind)
     return model
+
+
+def has_own_times(kind: type[Cause]) -> bool:
+    """Return whether it comes and goes at times that a search moves, and no fit."""
+    return bool(kind.moved_times or kind.moved_moments)
+
+
+def _anew_where_better(model: TrialModel, record: FitRecord, index: int, kind: str) -> TrialModel:
+    """Return the model with a cause of one record sought as if it had not been found there, where that is better.
+
+    What is left beside what was found shows only what that missed; and it was found beside what was known before.
+    """
+    anew = fit_one_record(model.without(kind, index), record, index, {kind})
+    return anew if _error(anew.alone(index), record) < _error(model.alone(index), record) else model
 
 
 def refollowed(model: TrialModel, split: DataSplit) -> TrialModel:
@@ -72,13 +90,22 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
         if model.has(cause, index):
             model = with_times_moved(model, record, index)
         if (len(split.train) > 1 or cause_classes()[cause].moved_times) and model.has(cause, index):
-            anew = fit_one_record(model.without(cause, index), record, index, {cause})
-            if _error(anew.alone(index), record) < _error(model.alone(index), record):
-                model = anew
-    if model is final.model:
-        return final
-    again = fit_until_still(model, split.train, executor)
-    return again if again.squared_error < final.squared_error else final
+            model = _anew_where_better(model, record, index, cause)
+    for _ in range(_MOST_TURNS):
+        if model is final.model:
+            break
+        again = fit_until_still(model, split.train, executor)
+        if again.squared_error >= final.squared_error:
+            break
+        is_still = again.squared_error > _STILL * final.squared_error
+        final = again
+        if is_still or not has_own_times(cause_classes()[cause]):
+            break
+        # what is fitted beside a time had bent to where it was before: with that mended the time moves on
+        model = final.model
+        for index, record in enumerate(split.train):
+            model = with_times_moved(model, record, index)
+    return final
 
 
 def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[str]) -> TrialModel:
@@ -102,7 +129,9 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         options.sort(key=lambda option: _error(option, record))
         starts = [*options[:_MAX_STARTS], *(alone.with_cause(cause, 0) for cause in known)]
         fits = [_refit_own(start, record, kinds) for start in starts]
-        alone = with_times_moved(min((alone, *fits), key=lambda option: _error(option, record)), record, 0)
+        # a time that is off by some samples may leave more than none at all: moved first, compared then
+        best = with_times_moved(min(fits, key=lambda option: _error(option, record)), record, 0)
+        alone = min((with_times_moved(alone, record, 0), best), key=lambda option: _error(option, record))
     return model.with_record_of(alone, index)
 
 

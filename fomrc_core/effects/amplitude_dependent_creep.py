@@ -74,6 +74,7 @@ class AmplitudeDependentCreep(Effect):
     signature: ClassVar[str] = "after large steps the residual creeps on, after small ones it creeps back"
     experiment: ClassVar[str] = "steps of several sizes from the same level, each held for two decades of time"
     inverse_note: ClassVar[str] = "not inverted: creep in proportion alone is undone"
+    bends_to_much: ClassVar[bool] = True
     slope_depends_on_input: ClassVar[bool] = True
 
     per_decade_per_um: float

@@ -80,6 +80,7 @@ class AsymmetricHysteresis(Effect):
     signature: ClassVar[str] = "residual depends on voltage and branch: rising and falling halves differ in shape"
     experiment: ClassVar[str] = "small slow triangles about several mean voltages: loops of unequal width and slope"
     inverse_note: ClassVar[str] = "inverted by a scalar search, while displacement still rises with voltage"
+    bends_to_much: ClassVar[bool] = True
     can_invert: ClassVar[bool] = True
     owns_columns: ClassVar[bool] = True
     is_exchangeable: ClassVar[bool] = False  # its plays are columns, which no other cause can take the place of

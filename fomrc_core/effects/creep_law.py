@@ -50,6 +50,7 @@ class CreepLaw(Effect):
     signature: ClassVar[str] = "after each step the residual bends in log time, at the same times whatever the step"
     experiment: ClassVar[str] = "one large step held for four decades of time, sampled evenly in log time"
     inverse_note: ClassVar[str] = "inverted exactly"
+    bends_to_much: ClassVar[bool] = True
     can_invert: ClassVar[bool] = True
 
     per_decade: float = 0.0

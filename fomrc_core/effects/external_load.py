@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -26,14 +27,23 @@ _LEAST_LEVEL_SAMPLES = 10  # a straight line and its error from fewer say nothin
 def _load(s: Fields, c: Fields, value: float, step_s: float) -> Number:
     s.elapsed = clock_after(s.elapsed, s.started, step_s)
     s.started = 1
-    if c.onset_s <= s.elapsed and s.elapsed < c.release_s:
-        return value + c.displacement_um
-    return value
+    if s.elapsed < c.onset_s:
+        return value
+    if c.rise_s <= 0.0:
+        return value + c.displacement_um if s.elapsed < c.release_s else value
+    loaded = 1.0 - math.exp(-(s.elapsed - c.onset_s) / c.rise_s)
+    if s.elapsed >= c.release_s:
+        loaded = loaded - (1.0 - math.exp(-(s.elapsed - c.release_s) / c.rise_s))
+    return value + c.displacement_um * loaded
 
 
 @dataclass(frozen=True)
 class ExternalLoad(Effect):
-    """A constant displacement between onset and release: a force divided by the stage's stiffness."""
+    """A constant displacement between onset and release: a force divided by the stage's stiffness.
+
+    A hand or a weight takes its time, of which a model that jumps leaves some samples many times the noise: the load
+    comes and goes as 1 - exp(-t / rise_s).
+    """
 
     name: ClassVar[str] = "external_load"
     stage: ClassVar[Stage] = Stage.SENSED
@@ -42,6 +52,7 @@ class ExternalLoad(Effect):
         Parameter("displacement_um", "um", -1e6, 1e6, description="force over stiffness"),
         Parameter("onset_s", "s", 0.0, _NEVER_S, description="when it begins, from the record's start"),
         Parameter("release_s", "s", 0.0, _NEVER_S, description="when it ends"),
+        Parameter("rise_s", "s", 0.0, _NEVER_S, description="time constant with which it comes and goes, 0 at once"),
     )
     main_parameter: ClassVar[str] = "displacement_um"
     meaning: ClassVar[str] = "A weight, a cable or a hand loads the stage from one moment to another."
@@ -50,11 +61,14 @@ class ExternalLoad(Effect):
     inverse_note: ClassVar[str] = "not inverted: when it comes is not known beforehand"
     is_record_bound: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("displacement_um",)
-    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s", "release_s")
+    held_parameters: ClassVar[tuple[str, ...]] = ("onset_s", "release_s", "rise_s")
+    moved_moments: ClassVar[tuple[str, ...]] = ("onset_s", "release_s")
+    moved_durations: ClassVar[tuple[str, ...]] = ("rise_s",)
 
     displacement_um: float
     onset_s: float
     release_s: float = _NEVER_S
+    rise_s: float = 0.0
 
     def initial_state(self) -> Array:
         """Return (elapsed [s], started)."""
@@ -64,7 +78,13 @@ class ExternalLoad(Effect):
         """Return the displacement [um] under the load, shape (n_samples,)."""
         t = np.empty(steps_s.size)
         elapsed_times(state, steps_s, t)
-        return values + self.displacement_um * ((t >= self.onset_s) & (t < self.release_s))
+        return values + self.displacement_um * (self._since(t, self.onset_s) - self._since(t, self.release_s))
+
+    def _since(self, t: Array, begin_s: float) -> Array:
+        """Return how much of what begins then has come [1], shape (n_samples,)."""
+        if self.rise_s <= 0.0:
+            return np.asarray(t >= begin_s, dtype=np.float64)
+        return np.asarray(-np.expm1(-np.maximum(t - begin_s, 0.0) / self.rise_s))
 
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether the residual jumps where the load comes and goes, and by its size.
@@ -99,6 +119,7 @@ class ExternalLoad(Effect):
                 ("displacement_um", self.displacement_um),
                 ("onset_s", self.onset_s),
                 ("release_s", self.release_s),
+                ("rise_s", self.rise_s),
             ),
             state=CLOCK_FIELDS,
             forward=_load,
@@ -109,7 +130,8 @@ class ExternalLoad(Effect):
     def screening(cls, evidence: Evidence) -> list[ExternalLoad]:
         """Return the best single step and pulse of each record's residual, by cumulated sums, and the pulse's edges.
 
-        A base that has bent to a load that stayed leaves a short pulse of it.
+        A base that has bent to a load that stayed leaves a short pulse of it; one too short to be told for a load is
+        something else's.
         """
         trials: list[dict[str, float]] = []
         for record in evidence.records:
@@ -120,7 +142,7 @@ class ExternalLoad(Effect):
             onset = int(k[np.argmax(total[k] ** 2 / (k * (n - k)))])
             step = -total[onset] * n / (onset * (n - onset))
             trials.append({"displacement_um": float(step), "onset_s": float(record.time_s[onset])})
-            start, stop, size = _best_pulse(total)
+            start, stop, size = _best_pulse(total, max(math.ceil(_SHORTEST * n), _SHORTEST_SAMPLES))
             if 0 < start < stop < n:
                 start_s, stop_s = float(record.time_s[start]), float(record.time_s[stop])
                 trials += [
@@ -167,7 +189,8 @@ def _level_at(time_s: Array, values_um: Array) -> tuple[float, float]:
     return float(level_um), float(np.sqrt(covariance[1, 1]))
 
 
-def _best_pulse(total: Array) -> tuple[int, int, float]:
+def _best_pulse(total: Array, least: int) -> tuple[int, int, float]:
+    """Return begin, end and size of the pulse of at least so many samples that takes most of cumulated sums."""
     n = total.size - 1
     coarse = np.unique(np.linspace(0, n, 400).astype(int))
     best = (0.0, 0, n)
@@ -175,7 +198,7 @@ def _best_pulse(total: Array) -> tuple[int, int, float]:
         c = total[coarse]
         length = (coarse[None, :] - coarse[:, None]).astype(float)
         inside = c[None, :] - c[:, None]
-        valid = (length > 0) & (length < n)
+        valid = (length >= least) & (length < n)
         score = np.where(valid, inside**2 / np.where(valid, length * (n - length), 1.0), 0.0)
         i, j = np.unravel_index(int(np.argmax(score)), score.shape)
         best = (float(score[i, j]), int(coarse[i]), int(coarse[j]))

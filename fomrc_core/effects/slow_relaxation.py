@@ -53,6 +53,7 @@ class SlowRelaxation(Effect):
     signature: ClassVar[str] = "after each step the residual bends once in log time, where creep is straight"
     experiment: ClassVar[str] = "one large step held for ten of its time constants"
     inverse_note: ClassVar[str] = "inverted exactly"
+    bends_to_much: ClassVar[bool] = True
     can_invert: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("amplitude",)
     one_more_of: ClassVar[tuple[str, ...]] = ("creep_law",)  # a spectrum of relaxations holds any one more

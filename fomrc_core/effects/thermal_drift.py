@@ -66,6 +66,7 @@ class ThermalDrift(Effect):
     signature: ClassVar[str] = "residual follows the temperature, or drifts smoothly whatever the drive does"
     experiment: ClassVar[str] = "hold the drive at zero for minutes and record the temperature"
     inverse_note: ClassVar[str] = "inverted where the temperature is known while running; a drift in time is not"
+    bends_to_much: ClassVar[bool] = True
     can_invert: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("um_per_c", "um_per_s", "um_per_s2", "um_per_s3", "warm_up_um")
 

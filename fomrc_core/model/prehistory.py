@@ -45,6 +45,7 @@ class Prehistory(Cause):
     signature: ClassVar[str] = "a transient at the start that fades with log time, and a first branch off the origin"
     experiment: ClassVar[str] = "the relaxation routine before the record: the transient goes"
     inverse_note: ClassVar[str] = "not inverted: run the relaxation routine instead"
+    bends_to_much: ClassVar[bool] = True
     is_record_bound: ClassVar[bool] = True
     held_parameters: ClassVar[tuple[str, ...]] = ("resting_v",)
 

@@ -43,6 +43,8 @@ class Cause(ABC):
     linear_parameters: ClassVar[tuple[str, ...]] = ()  # those in which the response is linear
     held_parameters: ClassVar[tuple[str, ...]] = ()  # those a fit leaves where the screening put them
     moved_times: ClassVar[tuple[str, ...]] = ()  # lists of times [s] of which a search moves each by itself
+    moved_moments: ClassVar[tuple[str, ...]] = ()  # single moments [s] that a search moves
+    moved_durations: ClassVar[tuple[str, ...]] = ()  # how long what begins there takes [s], moved as well
     is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
     # what a diagnosis must know
     is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left
@@ -52,6 +54,7 @@ class Cause(ABC):
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
     adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search
     can_invert: ClassVar[bool] = False  # whether a compensator can undo it
+    bends_to_much: ClassVar[bool] = False  # its form follows most of what other causes do: slow, a lag, many weights
     one_more_of: ClassVar[tuple[str, ...]] = ()  # causes beside which it is one more of their terms, and no name
     generalizes: ClassVar[str] = ""  # name of the simpler cause it is for one value of a parameter it has beside
     size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small sizes

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from fomrc_core.diagnosis.belief import evidence_of, probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.findings import Finding
-from fomrc_core.diagnosis.judgement import Judgement
+from fomrc_core.diagnosis.judgement import Judgement, Status
+from fomrc_core.diagnosis.remainder import Dependence
 
 _NOISE = Judgement(1.0, True, 0.0, (), ())
 _MORE = Judgement(1.0, False, 0.3, (), ("it is 3 times the noise",))
 
 
-def _told(margin: float, judgement: Judgement, whitened: float | None = None) -> float:
+def _told(margin: float, judgement: Judgement, whitened: float | None = None, cause: str = "transport_delay") -> float:
     margins = margin, margin if whitened is None else whitened
-    finding = Finding("transport_delay", {}, {}, 2.0, 1.0, 0.5, 1e-6, "", "", *margins)
+    finding = Finding(cause, {}, {}, 2.0, 1.0, 0.5, 1e-6, "", "", *margins)
     return with_probabilities((finding,), judgement)[0].probability
 
 
@@ -37,7 +39,8 @@ def test_what_noise_that_wanders_hides_of_a_margin_the_whitened_one_tells() -> N
 
 
 def test_the_same_margin_says_more_where_noise_is_left() -> None:
-    assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (0.0, 3.0, 30.0))
+    assert all(_told(margin, _NOISE) > _told(margin, _MORE) for margin in (0.3, 3.0, 30.0))
+    assert _told(0.0, _NOISE) == _told(0.0, _MORE), "no margin is none, whatever is left"
     assert _told(-30.0, _MORE) < 0.5 < _told(3000.0, _MORE)
     gained = [_told(30.0, judgement) - _told(0.0, judgement) for judgement in (_NOISE, _MORE)]
     assert gained[0] > gained[1] + 0.1, "of two models that are both wrong the likelier one says less"
@@ -53,7 +56,20 @@ def test_what_mends_little_may_mend_what_the_model_of_the_others_gets_wrong() ->
         return with_probabilities((finding,), _NOISE)[0].probability
 
     assert told(1.0) < told(0.95) < told(0.8) < told(0.5) == told(1e-3)
-    assert told(0.95) < 0.9 < told(0.5), "no explanation rests on what mends a tenth of the power"
+    explains = [_NOISE.status([told(after)], False) is Status.EXPLAINED for after in (0.95, 0.5)]
+    assert explains == [False, True], "no explanation rests on what mends a tenth of the power"
+
+
+def test_a_form_that_follows_what_others_do_is_believed_less_for_the_same_margin() -> None:
+    # a drift follows whatever is slow, a dead zone only what stands about zero
+    assert _told(30.0, _NOISE, cause="thermal_drift") < _told(30.0, _NOISE, cause="dead_zone")
+
+
+def test_what_is_left_speaks_against_a_name_where_it_surely_follows_the_drive_however_little_it_is() -> None:
+    def told(p_value: float) -> float:
+        return _told(30.0, replace(_NOISE, dependences=(Dependence("rate", 1e-3, p_value),)))
+
+    assert told(0.0) == told(1e-9) < told(1e-3) < told(0.5) < told(1.0) == _told(30.0, _NOISE)
 
 
 def test_nothing_found_and_more_than_noise_left_is_most_likely_something_unknown() -> None:

@@ -46,7 +46,7 @@ EFFECTS = [
     SlowRelaxation(amplitude=0.1, time_constant_s=0.05),
     MechanicalResonance(frequency_hz=120.0, damping_ratio=0.05),
     TransportDelay(delay_s=0.0033),
-    ExternalLoad(displacement_um=0.2, onset_s=0.1, release_s=0.2),
+    ExternalLoad(displacement_um=0.2, onset_s=0.0995, release_s=0.2, rise_s=0.004),
     CrossAxis(gain=0.07),
     ThermalDrift(um_per_c=0.02, um_per_s=0.01, um_per_s2=-0.02, um_per_s3=0.003, warm_up_um=-0.1, warm_up_s=0.2),
     GainDrift(per_s=0.01),
@@ -315,6 +315,10 @@ def test_drifts_and_hum_run_on_the_clock_of_the_record():
         assert relative(effect.run(effect.initial_state(), x, steps_s), wanted) <= 1e-12
     load = ExternalLoad(displacement_um=0.5, onset_s=0.255, release_s=0.505)
     assert relative(load.run(load.initial_state(), x, steps_s), x + 0.5 * ((t > 0.255) & (t < 0.505))) <= 1e-15
+    slow = ExternalLoad(displacement_um=0.5, onset_s=0.255, release_s=0.505, rise_s=0.05)
+    come = np.where(t > 0.255, 1.0 - np.exp(-(t - 0.255) / 0.05), 0.0)
+    gone = np.where(t > 0.505, 1.0 - np.exp(-(t - 0.505) / 0.05), 0.0)
+    assert relative(slow.run(slow.initial_state(), x, steps_s), x + 0.5 * (come - gone)) <= 1e-12
 
 
 def test_covariates_add_their_share():

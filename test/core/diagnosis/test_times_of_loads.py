@@ -1,0 +1,76 @@
+"""When a load comes and goes is found to the sample, and how long it takes: a model that jumps leaves what rises."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.diagnosis.judgement import Status
+from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.effects.external_load import ExternalLoad
+from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.records.recording import Recording
+
+STEP_S, NOISE_UM = 0.01, 2e-3
+STAGE = PiezoModel(np.array([8.0, 3.0, 5.0, 2.0, 1.2]), np.array([0.4, 1.5, 4.0, 9.0]), 0.02)
+
+
+def sweeps(n: int, seed: int) -> np.ndarray:
+    """Return a drive of some slow sines, from zero on [V], shape (n,)."""
+    rng, time_s = np.random.default_rng(seed), STEP_S * np.arange(n)
+    sines = sum(np.sin(2 * np.pi * f * time_s + rng.uniform(0, 6)) for f in (0.11, 0.23, 0.37, 0.71))
+    return 6.0 * np.minimum(time_s / 0.5, 1.0) * np.asarray(sines)
+
+
+def settled(n: int, begin: float, end: float, samples: float) -> np.ndarray:
+    """Return what a weight does that is put on and taken off, and settles through a damper [1], shape (n,)."""
+    out, level = np.zeros(n), 0.0
+    fine = 50  # of a sample
+    for k in range((n - 1) * fine + 1):
+        on = begin <= k / fine < end
+        level += (float(on) - level) / (samples * fine)
+        if k % fine == 0:
+            out[k // fine] = level
+    return out
+
+
+@pytest.mark.parametrize("samples", [0.5, 4.0])
+def test_a_weight_that_settles_within_some_samples_is_explained_with_its_moments(samples: float) -> None:
+    records = []
+    for seed, (n, begin, end) in enumerate(((2400, 700.3, 1410.8), (1500, 500.6, 900.2))):
+        drive_v, rng = sweeps(n, seed + 5), np.random.default_rng(seed)
+        moved_um = STAGE.simulate(np.full(n, STEP_S), drive_v) + 0.12 * settled(n, begin, end, samples)
+        records.append(Recording(STEP_S * np.arange(n), drive_v, moved_um + rng.normal(0.0, NOISE_UM, n)))
+    found = diagnose(records[0], test=records[1])
+    assert [finding.cause for finding in found.findings] == ["external_load"]
+    assert found.status is Status.EXPLAINED
+    load = found.findings[0].parameters
+    assert load["displacement_um"] == pytest.approx(0.12, rel=0.01)
+    # where it rises, and how fast, make up for each other
+    middle_s = load["onset_s"] + load["rise_s"]
+    assert middle_s == pytest.approx(STEP_S * (700.3 + samples), abs=STEP_S)
+    assert load["rise_s"] == pytest.approx(STEP_S * samples, abs=0.7 * STEP_S)
+    # held out as well: of an edge that jumps a quarter is left at least
+    view = next(view for view in found.records if view.time_s.size == 1500)
+    left_um = view.driven().residual_um
+    beside = np.r_[495:515, 895:915]
+    assert np.max(np.abs(left_um[beside])) < 0.12 / 8.0
+
+
+def test_a_load_that_stays_is_moved_at_its_one_edge() -> None:
+    n = 1200
+    plain = TrialModel(
+        ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),)
+    )
+    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
+    moved_um = predict(plain, FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    record = FitRecord.of(Recording(time_s, drive_v, moved_um + 0.3 * (time_s >= 5.0)))
+    begun = plain.with_cause(ExternalLoad(0.3, 5.0 + 6.3 * STEP_S), 0)
+    (load,) = with_times_moved(begun, record, 0).causes_in(0)
+    assert isinstance(load, ExternalLoad)
+    assert load.onset_s == pytest.approx(5.0, abs=STEP_S)
+    assert load.release_s == ExternalLoad(0.3, 5.0).release_s, "what never ends is not moved to an end"
