@@ -63,16 +63,24 @@ class CreepLaw(Effect):
     third_s: float = 1.0
 
     def _modes(self) -> tuple[Array, Array]:
-        """Return rates [1/s] and gains of its modes: those of the logarithm, then the relaxations."""
-        rates, gains = logarithmic_modes(self.onset_s)
-        times_s = [getattr(self, name) for name in _TIMES]
-        shares = [getattr(self, name) for name in _SHARES]
+        """Return rates [1/s] and gains of the modes that act: those of the logarithm, then the relaxations."""
+        pairs = [(getattr(self, share), 1.0 / getattr(self, time)) for share, time in zip(_SHARES, _TIMES, strict=True)]
+        rates = [rate for share, rate in pairs if share != 0.0]
+        shares = [share for share, _ in pairs if share != 0.0]
+        if self.per_decade == 0.0:
+            return np.array(rates), np.array(shares)
+        logarithmic, gains = logarithmic_modes(self.onset_s)
         gains = gains * (self.per_decade / math.log(10.0))
-        return np.concatenate((rates, 1.0 / np.array(times_s))), np.concatenate((gains, shares))
+        return np.concatenate((logarithmic, rates)), np.concatenate((gains, shares))
 
     def initial_state(self) -> Array:
         """Return (input, then each mode) [um] of the step before, at rest."""
         return modes_at_rest(self._modes()[0].size)
+
+    def carried_state(self, old: Array) -> Array:
+        """Return the modes where those of another left them; of another number, settled where the stage stands."""
+        own = self.initial_state()
+        return old.copy() if old.shape == own.shape else np.full_like(own, old[0])
 
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement that has crept [um], shape (n_samples,)."""

@@ -9,6 +9,7 @@ from fomrc_core.control.actuator_memory import ActuatorMemory, carried
 from fomrc_core.effects import Effect
 from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
+from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.effects.missing_hysteresis import MissingHysteresis
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import PiezoModel
@@ -58,6 +59,17 @@ def test_where_the_plays_stand_is_taken_over_and_what_they_are_is_not(kind) -> N
     plays = np.flatnonzero((after.initial_state() == 0.0) & (moved == state))
     assert np.any(found[plays] != 0.0)
     np.testing.assert_array_equal(found[plays], moved[plays])
+
+
+def test_relaxations_that_were_not_there_begin_settled_where_the_stage_stands() -> None:
+    old = CreepLaw(first_share=0.1, first_s=0.05)
+    state = old.initial_state()
+    old.run(state, np.full(400, 3.0), np.full(400, STEP_S))
+    new = CreepLaw(first_share=0.1, first_s=0.05, second_share=0.2, second_s=5.0)
+    crept_um = new.run(new.carried_state(state), np.array([3.0]), np.array([STEP_S]))
+    assert crept_um == pytest.approx(3.0 * (1.0 + 0.1 + 0.2), rel=1e-6)
+    more = CreepLaw(first_share=0.3, first_s=0.05)
+    np.testing.assert_array_equal(more.carried_state(state), state)
 
 
 def test_what_has_another_shape_begins_at_rest() -> None:
