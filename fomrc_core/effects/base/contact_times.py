@@ -43,6 +43,10 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * noise_um)
         if end - begin < _LEAST_SAMPLES or begin == 0:
             continue
+        # on a ramp the level seems to begin before it does, and what the drive did since would be too much
+        begin = _opening(measured_um, record.residual_um, begin, int(end))
+        if end - begin < _LEAST_SAMPLES:
+            continue
         unseen_um = moved_um[begin:end] - moved_um[begin]
         n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
         # it misses what the drive does, and gets it back
@@ -54,14 +58,11 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - moved_um[begin])
         if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
             continue
-        begin = _opening(measured_um, record.residual_um, begin, int(end))
         level_um = float(np.mean(measured_um[begin : begin + _LEAST_SAMPLES]))
         step_um = record.predicted_um[begin] - record.predicted_um[begin - 1]
         share = (level_um - measured_um[begin - 1]) / step_um if step_um != 0.0 else 1.0
         step_s = time_s[begin] - time_s[begin - 1]
         open_s = float(time_s[begin - 1] + min(max(share, 0.0), 1.0) * step_s)
-        if begin >= end - 1:
-            continue
         if found and open_s <= found[-1][1]:
             if abs(open_s - found[-1][0]) > step_s:
                 continue

@@ -137,6 +137,16 @@ def test_an_opening_is_seen_whose_last_reading_is_off() -> None:
     np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * (last - 40)], [STEP_S * last]], atol=2.5 * STEP_S)
 
 
+def test_an_opening_begins_where_the_model_is_left_and_not_where_a_ramp_comes_near_its_level() -> None:
+    n, first, last = 600, 348, 480
+    drive_v = np.interp(np.arange(n), [0, 50, 400, 550, n], [0.0, -6.0, 1.0, -2.0, -2.0])
+    shown_um = held(drive_v, [(first, last)])
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, drive_v, shown_um - drive_v)
+    opens_s, closes_s = open_times(record, 5e-3)
+    # counted from where the ramp came near, the drive would have gone twice as far as what comes back
+    np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * first], [STEP_S * last]], atol=1.5 * STEP_S)
+
+
 def test_openings_are_seen_beside_what_stands_and_jumps_in_its_own_way() -> None:
     n, step_v = 2400, 0.4
     drive_v = sweeps(n, 1)
