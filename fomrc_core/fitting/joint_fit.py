@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 _LEAST_GAIN = 3e-5  # of the sum of squares: a model is told from another by a hundred times as much
 _LONGEST_LOG_STEP = 1.0  # a slope says nothing of a value several times smaller or larger
-_RESCAN_WIDTHS = (5e-4, 4e-5, 4e-6)
+_RESCAN_WIDTHS = ((0.1, 21), (0.01, 21), (0.001, 21))  # of ``scan``, where all that was found since has moved little
 _MOST_DIFFERENCES = 4  # tried for a direction, until one is neither rounding nor bent
 _PATIENCE = 4  # iterations before a start may be given up
 _N_LINEAR_STEPS = 2  # the columns are linear but for the creep order, which hardly moves
@@ -321,27 +321,27 @@ def scan(
     records: tuple[FitRecord, ...],
     space: Tangent,
     parameter: FreeParameter,
-    widths: tuple[float, ...] = (1.5e-3, 1e-4, 1e-5),
-    n_points: int = 31,
+    widths: tuple[tuple[float, int], ...] = ((0.6, 61), (0.02, 21), (0.002, 21)),
 ) -> TrialModel:
-    """Return the chain with one parameter at the best of ever finer grids about its value.
+    """Return the chain with one parameter, a period over the drive [V], at the best of ever finer grids about it.
 
-    For responses that jump with the parameter, where a derivative says nothing.
+    For responses that jump with the parameter, where a derivative says nothing. How closely a period must be known, and
+    how closely a spectrum over the drive knows it, is a matter of how many of them the drive goes through: a step of
+    which there are forty has to be known to a thousandth, one of a few thousand to some millionths.
 
     Args:
         chain: where to start.
         records: what to fit.
         space: tangent of the linear part.
         parameter: what to scan.
-        widths: half widths of the grids relative to the value.
-        n_points: points of each grid.
+        widths: of each grid, the half width in periods over the range of the drive, and its points.
     """
     best_error = np.inf
-    for width in widths:
+    range_v = max(parameter.get(chain), *(float(np.ptp(record.voltage_v)) for record in records))
+    for width, n_points in widths:
         centre = parameter.get(chain)
-        for share in np.linspace(-width, width, n_points):
-            value = centre * (1.0 + float(share))
-            trial = parameter.set(chain, value)
+        for periods in np.linspace(-width, width, n_points):
+            trial = parameter.set(chain, centre / (1.0 + float(periods) * centre / range_v))
             error = squared_error(records, space.remove(records, residuals(trial, records)))
             if error < best_error:
                 best_error, chain = error, trial
