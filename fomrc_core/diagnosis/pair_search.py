@@ -69,7 +69,7 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     refused = [c for c in candidates if _is_accepted_but_for_wander(c, asked.n_causes)][:_MOST_FIRSTS]
     firsts = [*likeliest, *(c for c in refused if c not in likeliest), *(c for c in told if c not in refused)]
     for first in firsts if len(asked.state.steps) < _MOST_BESIDE else refused:
-        if not asked.budget.allows(PAIRS):
+        if not asked.budget.allows(PAIRS, has_found=bool(asked.state.steps)):
             break
         pair = _with_pair(asked, first)
         if pair is not None:

@@ -45,9 +45,9 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
         timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
         model = fit_one_record(model, one, part.index, kinds - timed)
         model = fit_one_record(model, part.record, part.index, timed)
-        for kind in sorted(kinds):
-            if has_own_times(cause_classes()[kind]) and model.has(kind, part.index):
-                model = _anew_where_better(model, part.record if kind in timed else one, part.index, kind)
+        for kind in sorted(timed):
+            if model.has(kind, part.index):
+                model = _anew_where_better(model, part.record, part.index, kind)
     return model
 
 
@@ -131,7 +131,7 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         fits = [_refit_own(start, record, kinds) for start in starts]
         # a time that is off by some samples may leave more than none at all: moved first, compared then
         best = with_times_moved(min(fits, key=lambda option: _error(option, record)), record, 0)
-        alone = min((with_times_moved(alone, record, 0), best), key=lambda option: _error(option, record))
+        alone = min((alone, best), key=lambda option: _error(option, record))
     return model.with_record_of(alone, index)
 
 

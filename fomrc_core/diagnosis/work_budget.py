@@ -18,6 +18,7 @@ from fomrc_core.diagnosis.judgement import Status
 # that a search is mostly done within a minute; an effect that divides steps further than the chain costs more than it
 # counts. What was found is compared where no more could be sought: a name that is sure is worth more than one more.
 _FOR_PAIRS = 1.0e9
+_FOR_FIRST_PAIRS = 2.0e9  # where nothing has been found a pair is the last that may be
 _FOR_CAUSES = 2.0e9
 _FOR_NAMES = 4.0e9
 
@@ -62,9 +63,15 @@ class WorkBudget:
         """Return a budget that is never used up."""
         return cls(lambda: 0.0)
 
-    def allows(self, what: str) -> bool:
-        """Return whether something may still be done; where not it is told as left out."""
-        is_allowed = self.n_done() < {PAIRS: _FOR_PAIRS, CAUSES: _FOR_CAUSES, COMPARED: _FOR_NAMES}[what]
+    def allows(self, what: str, *, has_found: bool = True) -> bool:
+        """Return whether something may still be done; where not it is told as left out.
+
+        Args:
+            what: PAIRS, CAUSES or COMPARED.
+            has_found: whether the search has found anything: without a pair it would come to nothing.
+        """
+        most = {PAIRS: _FOR_PAIRS if has_found else _FOR_FIRST_PAIRS, CAUSES: _FOR_CAUSES, COMPARED: _FOR_NAMES}
+        is_allowed = self.n_done() < most[what]
         if not is_allowed and what not in self.left_out:
             self.left_out.append(what)
         return is_allowed

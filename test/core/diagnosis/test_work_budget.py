@@ -50,11 +50,13 @@ def test_pairs_end_before_single_causes_and_what_was_left_out_is_told_once() -> 
     budget = WorkBudget(lambda: n_done)
     assert budget.allows(PAIRS)
     n_done = 0.5 * (work_budget._FOR_PAIRS + work_budget._FOR_CAUSES)
+    assert budget.allows(PAIRS, has_found=False), "without a pair the search would come to nothing"
     assert not budget.allows(PAIRS)
     assert budget.allows(CAUSES)
     assert not budget.allows(PAIRS)
     assert budget.left_out == [PAIRS]
     n_done = work_budget._FOR_CAUSES
+    assert not budget.allows(PAIRS, has_found=False)
     assert not budget.allows(CAUSES)
     assert budget.allows(COMPARED), "what was found is compared where no more is sought"
     assert budget.left_out == [PAIRS, CAUSES]
