@@ -17,7 +17,7 @@ def _round(c: Fields, value: float) -> Number:
 
 
 _CUTS = (0.0, 0.5)  # a converter rounds to the nearest level, or cuts off what is above one
-_FEWEST_STEPS = 20  # over the range: of fewer each is seen in the displacement itself
+_FEWEST_STEPS = 5  # over the range: of fewer each is seen in the displacement itself
 _HALF_WIDTH = 25  # samples of the narrowest running mean: passes steps of fewer samples than that, of any size
 _WIDER = 5  # from one width to the next: a running mean passes a sawtooth from a tenth of its width to all of it
 _N_PEAKS = 3  # of the narrowest width, where lines of the drive may stand beside the step's
