@@ -151,12 +151,15 @@ def _asked(
 ) -> tuple[list[Candidate], tuple[SearchState, Candidate] | None]:
     """Return the candidates, and the one to accept with the state before it, None where there is none.
 
-    What looks less likely beside the likeliest is asked where of those none is a finding.
+    What looks less likely beside the likeliest is asked where of those none is a finding, and at last, however unlikely
+    it looks, what takes the place of creep: a law that leaves nothing of what the power law gets wrong may begin on a
+    slope that mends none of it.
     """
     # Many arguments: one move of a search.
     candidates: list[Candidate] = []
-    for _ in range(_MAX_TIERS):
-        by_cause = worth_a_refit(present, split, screened)
+    for tier_number in range(_MAX_TIERS + 1):
+        is_last = tier_number == _MAX_TIERS
+        by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
         tier = refitted(present, split, by_cause, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
         accepted = next((c for c in tier if is_accepted(c, len(causes)) and is_no_wander(c, split)), None)
@@ -166,11 +169,18 @@ def _asked(
             return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
-        if not asked or state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
+        if state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
             break
         if not budget.allows(CAUSES):
             break
     return candidates, None
+
+
+def _in_place_of_creep(screened: tuple[Screened, ...]) -> list[list[Screened]]:
+    """Return the trials of each cause that takes the place of the power law, the likeliest first."""
+    names = {trial.name for trial in screened if getattr(cause_classes()[trial.name], "replaces_creep", False)}
+    trials = sorted(screened, key=lambda trial: -trial.explained)
+    return [[trial for trial in trials if trial.name == name] for name in sorted(names)]
 
 
 def _with_finding(
