@@ -313,10 +313,10 @@ def test_the_command_writes_all_of_it_and_the_model_runs(
 
 
 def test_what_an_answer_leaves_in_doubt_is_said(tmp_path: Path) -> None:
-    given = _diagnosis(status=Status.SUSPECT, findings=(replace(_FINDING, probability=0.8),))
+    given = _diagnosis(status=Status.SUSPECT, findings=(replace(_FINDING, probability=0.7),))
     write_report(given, tmp_path)
     (doubt,) = json.loads((tmp_path / "diagnosis.json").read_text())["doubts"]
-    assert "right with a probability of 80 %" in doubt
+    assert "right with a probability of 70 %" in doubt
     assert f"Doubt: {doubt}." in _Page((tmp_path / "report.html").read_text()).text
     assert doubt in str(given)
 
