@@ -33,8 +33,8 @@ LARGEST_SLOW = 8.0
 _LARGEST_CARRYING = 2.0
 LEAST_BELIEVED = 0.5  # probability of a name: below, it is likelier wrong than right
 # Of all names of an explanation together, which is right only where each of them is. Of 464 cases (seeds from 120000
-# and 130000, used up) 195 are explained so, 191 of them rightly, with probabilities learned from others in ten folds:
-# what other doubts refuse is not among them. At 90 % it would be 164, all rightly; at 70 % 212, 201 rightly.
+# and 130000, used up) 197 are explained so, 194 of them rightly, with probabilities learned from others in ten folds:
+# what other doubts refuse is not among them. At 90 % it would be 156, all rightly; at 70 % 210, 201 rightly.
 _LEAST_EXPLAINING = 0.8
 _MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
 

@@ -51,11 +51,6 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
     return model
 
 
-def has_own_times(kind: type[Cause]) -> bool:
-    """Return whether it comes and goes at times that a search moves, and no fit."""
-    return bool(kind.moved_times or kind.moved_moments)
-
-
 def _anew_where_better(model: TrialModel, record: FitRecord, index: int, kind: str) -> TrialModel:
     """Return the model with a cause of one record sought as if it had not been found there, where that is better.
 
@@ -99,7 +94,7 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
             break
         is_still = again.squared_error > _STILL * final.squared_error
         final = again
-        if is_still or not has_own_times(cause_classes()[cause]):
+        if is_still or not cause_classes()[cause].has_own_times():
             break
         # what is fitted beside a time had bent to where it was before: with that mended the time moves on
         model = final.model

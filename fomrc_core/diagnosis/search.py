@@ -27,7 +27,7 @@ from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.record_effects import follow_held, has_own_times, refollowed, sought_again
+from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import PRUNED, SearchState, pruned, with_rival
 from fomrc_core.diagnosis.step import Step
@@ -178,7 +178,7 @@ def _asked(
 
 def _in_place_of_creep(screened: tuple[Screened, ...]) -> list[list[Screened]]:
     """Return the trials of each cause that takes the place of the power law, the likeliest first."""
-    names = {trial.name for trial in screened if getattr(cause_classes()[trial.name], "replaces_creep", False)}
+    names = {trial.name for trial in screened if cause_classes()[trial.name].replaces_creep}
     trials = sorted(screened, key=lambda trial: -trial.explained)
     return [[trial for trial in trials if trial.name == name] for name in sorted(names)]
 
@@ -219,7 +219,7 @@ def _with_finding(
 
 def _sought_again_beside(accepted: Candidate, model: TrialModel) -> set[str]:
     """Return the causes of single records to seek anew: one just found, and those with times a fit does not move."""
-    timed = {cause.name for at, cause in model.found() if at is not None and has_own_times(type(cause))}
+    timed = {cause.name for at, cause in model.found() if at is not None and cause.has_own_times()}
     return timed | ({accepted.cause} if accepted.is_bound else set())
 
 

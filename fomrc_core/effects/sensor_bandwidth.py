@@ -51,7 +51,6 @@ class SensorBandwidth(Effect):
         "before the ceramic moves its loops; or a second, faster sensor beside this one"
     )
     inverse_note: ClassVar[str] = "not inverted: the reading lags, not the position"
-    bends_to_much: ClassVar[bool] = True
     needs_substeps: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -1.0
 

@@ -46,6 +46,7 @@ class Cause(ABC):
     moved_moments: ClassVar[tuple[str, ...]] = ()  # single moments [s] that a search moves
     moved_durations: ClassVar[tuple[str, ...]] = ()  # how long what begins there takes [s], moved as well
     is_scanned: ClassVar[bool] = False  # its response jumps with the main parameter: a fit scans it
+    replaces_creep: ClassVar[bool] = False  # whether a model with it has no creep order of its own
     # what a diagnosis must know
     is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
@@ -92,6 +93,11 @@ class Cause(ABC):
             and spec.name not in self.held_parameters
             and not (spec.name in self.linear_parameters and getattr(self, spec.name) == 0.0)
         )
+
+    @classmethod
+    def has_own_times(cls) -> bool:
+        """Return whether it comes and goes at times that a search moves, and no fit."""
+        return bool(cls.moved_times or cls.moved_moments)
 
     def form(self) -> tuple[str, ...]:
         """Return what no fit leads from one instance to another by: the parameters it moves, and choices it makes."""

@@ -53,7 +53,6 @@ class Effect(Cause):
     is_steady_tone: ClassVar[bool] = False  # a tone in time: it is told by a line of a spectrum, evenly sampled
     owns_columns: ClassVar[bool] = False  # its plays are columns of a fit's linear part, see ``plays``
     slope_depends_on_input: ClassVar[bool] = False  # whether ``linearized`` looks at its ``values``
-    replaces_creep: ClassVar[bool] = False  # whether a model with it has no creep order of its own
 
     @property
     def follows_elements(self) -> bool:
