@@ -49,7 +49,6 @@ class AmplifierBandwidth(Effect):
     )
     experiment: ClassVar[str] = "steps, and a multisine that reaches beyond the cutoff"
     inverse_note: ClassVar[str] = "inverted: the voltage leads by the time constant times its rate"
-    bends_to_much: ClassVar[bool] = True
     paper_section: ClassVar[str] = "4.4"
     needs_substeps: ClassVar[bool] = True
     size_exponent: ClassVar[float] = -1.0

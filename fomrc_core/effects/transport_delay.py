@@ -67,7 +67,6 @@ class TransportDelay(Effect):
     signature: ClassVar[str] = "residual follows the rate of the displacement at every frequency, sharp after steps"
     experiment: ClassVar[str] = "a multisine: phase falls in proportion to frequency while gain stays"
     inverse_note: ClassVar[str] = "no inverse without looking ahead: shift the target in time where it is known"
-    bends_to_much: ClassVar[bool] = True
     needs_substeps: ClassVar[bool] = True
 
     delay_s: float

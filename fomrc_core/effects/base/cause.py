@@ -55,7 +55,7 @@ class Cause(ABC):
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
     adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search
     can_invert: ClassVar[bool] = False  # whether a compensator can undo it
-    bends_to_much: ClassVar[bool] = False  # its form follows most of what other causes do: slow, a lag, many weights
+    bends_to_much: ClassVar[bool] = False  # its form follows most of what others do: what is slow, many weights
     one_more_of: ClassVar[tuple[str, ...]] = ()  # causes beside which it is one more of their terms, and no name
     generalizes: ClassVar[str] = ""  # name of the simpler cause it is for one value of a parameter it has beside
     size_exponent: ClassVar[float] = 1.0  # main parameter ~ size of the signature to this power, for small sizes

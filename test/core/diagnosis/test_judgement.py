@@ -20,7 +20,7 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
     assert found.reasons == ()
     assert found.status([0.9], False) is Status.EXPLAINED
     assert found.status([0.96, 0.95], False) is Status.EXPLAINED
-    assert found.status([0.9, 0.88], False) is Status.SUSPECT, "each is sure, and both are not"
+    assert found.status([0.86, 0.86], False) is Status.SUSPECT, "each is sure, and both are not"
     assert found.status([0.9, 0.59], False) is Status.SUSPECT, "a name as likely wrong as right explains nothing"
     assert found.status([0.9], True) is Status.AMBIGUOUS
     assert found.status([], False) is Status.NOTHING_FOUND
@@ -32,10 +32,10 @@ def test_what_is_as_small_as_the_noise_and_follows_nothing_is_noise():
 def test_a_suspect_answer_says_why_it_explains_nothing():
     found = judge(1.0, True, 5.0, 1.05, 1.1, _NOTHING)
     assert found.doubts([0.96, 0.95]) == ()
-    (doubt,) = found.doubts([0.9, 0.88])
-    assert "all right with a probability of 79 %" in doubt
-    (doubt,) = found.doubts([0.7999])
-    assert "the name is right with a probability of 79 %, and an explanation asks for 80 %" in doubt
+    (doubt,) = found.doubts([0.86, 0.86])
+    assert "all right with a probability of 73 %" in doubt
+    (doubt,) = found.doubts([0.7499])
+    assert "the name is right with a probability of 74 %, and an explanation asks for 75 %" in doubt
     (doubt,) = found.doubts([0.95], has_stand_ins=True)
     assert "no name" in doubt
     assert found.doubts([]) == ()
