@@ -195,6 +195,14 @@ class Probe:
         """Return the time of day, as nodes know it."""
         return time.perf_counter() + self._epoch_s
 
+    def now_s(self) -> float:
+        """Return the time as messages carry the one of their sending.
+
+        What is sent and what is answered come by ways of their own: a message sent before an answer may be taken
+        after it. What holds from an answer on is asked of what was sent later than this.
+        """
+        return time.time() - self._epoch_s
+
     @staticmethod
     def stamp(time_s: float) -> Time:
         """Return a time of day as a stamp."""
