@@ -229,7 +229,10 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
 def _likely(explained: dict[str, float]) -> list[str]:
     best = max(explained.values())
     names = [name for name, value in explained.items() if value > _CLOSE_TO_BEST * best and value > 0.0]
-    return sorted(names, key=lambda name: -explained[name])[:_MAX_CANDIDATES]
+    names.sort(key=lambda name: -explained[name])
+    # what befalls a record follows no drive: none of those that screen alike stands for it
+    befalls = [name for name in names[_MAX_CANDIDATES:] if cause_classes()[name].is_record_bound]
+    return names[:_MAX_CANDIDATES] + befalls
 
 
 def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:

@@ -62,6 +62,18 @@ def is_no_wander(candidate: Candidate, split: DataSplit, cause: str = "") -> boo
     return gain_beyond_wander(candidate.fitted.model, cause or candidate.cause, split) > SURE
 
 
+def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
+    """Return whether a candidate is a finding, and more than noise that wanders.
+
+    Whichever of the two is surer pays for the number of causes tried: while another cause is hidden, few blocks of the
+    held-out data are independent, and they may say no more than that the gain is not by chance.
+    """
+    if not is_accepted(candidate, 1):
+        return False
+    gain = gain_beyond_wander(candidate.fitted.model, candidate.cause, split)
+    return gain > (SURE if is_accepted(candidate, n_causes) else SURE + math.log(n_causes))
+
+
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:
     """Return the candidate that is surely likelier, unless held-out data speak up against it.
 

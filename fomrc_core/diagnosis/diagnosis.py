@@ -24,6 +24,7 @@ from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
+from fomrc_core.diagnosis.finer_grid import on_same_grid
 from fomrc_core.diagnosis.followed_rest import may_be_followed, unless_followed
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
 from fomrc_core.diagnosis.leverage import expected_excess
@@ -306,6 +307,7 @@ def _result(
     known: tuple[Finding, ...],
 ) -> Diagnosis:
     # Many arguments: what each stage of a diagnosis came to; no two are ever handed on together.
+    base = on_same_grid(base, found.model, split)
     found, extension = never_worse(found, base, split, has_elements=first is not None)
     steps = (first, *found.steps) if first is not None and not extension.is_base else found.steps
     if extension.is_base:

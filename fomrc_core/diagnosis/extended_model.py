@@ -9,6 +9,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, signed_weights
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals, quoted_residuals
+from fomrc_core.diagnosis.finer_grid import on_same_grid
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.search import SearchResult
 from fomrc_core.effects import Effect
@@ -67,7 +68,7 @@ def never_worse(
         if not found.steps:
             break
         last = found.steps[-1]
-        final = refit(last.before, split.train, n_iterations=2)
+        final = refit(on_same_grid(last.before, found.model, split), split.train, n_iterations=2)
         model = follow_held(final.model, split)
         found = replace(found, model=model, final=final, steps=found.steps[:-1], runner_up=last.accepted)
     return found, before

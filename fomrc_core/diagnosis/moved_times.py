@@ -6,7 +6,7 @@ Those that gain nothing are no times of anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +47,8 @@ def _without_idle(model: TrialModel, record: FitRecord, index: int, name: str) -
     chance = math.exp(len(cause.moved_times) * math.log(n_used) / n_used)  # of either error (Schwarz, 1978)
     for at in reversed(range(len(getattr(cause, cause.moved_times[0])))):
         lists_s = {listed: getattr(cause, listed) for listed in cause.moved_times}
-        fewer = _changed(cause, {listed: (*times_s[:at], *times_s[at + 1 :]) for listed, times_s in lists_s.items()})
+        shorter_s = {listed: (*times_s[:at], *times_s[at + 1 :]) for listed, times_s in lists_s.items()}
+        fewer = next(_changed(cause, shorter_s), None)
         if fewer is None or not _is_seen(record, *(times_s[at] for times_s in lists_s.values())):
             continue
         option = model.with_cause(fewer, index)
@@ -69,15 +70,13 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
         is_better = False
         for number in _numbers(cause, record):
             for change_s in (step_s, -step_s):
-                trial = _with_one_moved(cause, number, change_s, record)
-                if trial is None:
-                    continue
-                option = model.with_cause(trial, index)
-                option_error = _error(option, record, index)
-                n_trials += 1
-                if option_error < error:
-                    model, cause, error, is_better = option, trial, option_error, True
-                    break
+                for trial in _with_one_moved(cause, number, change_s, record):
+                    option = model.with_cause(trial, index)
+                    option_error = _error(option, record, index)
+                    n_trials += 1
+                    if option_error < error:
+                        model, cause, error, is_better = option, trial, option_error, True
+                        break
         if not is_better:
             step_s *= 0.5
     return model
@@ -90,26 +89,40 @@ def _numbers(cause: Cause, record: FitRecord) -> list[tuple[str, int | None]]:
     return [*listed, *((name, None) for name in (*moments, *cause.moved_durations))]
 
 
-def _with_one_moved(cause: Cause, number: tuple[str, int | None], change_s: float, record: FitRecord) -> Cause | None:
-    """Return the cause with one of its times moved; None where it cannot be there, or nobody looks there."""
+def _with_one_moved(
+    cause: Cause, number: tuple[str, int | None], change_s: float, record: FitRecord
+) -> Iterator[Cause]:
+    """Yield the cause with one of its times moved; nothing where it cannot be there, or nobody looks there.
+
+    What takes longer is tried where it begins as before, and where its moments come as much earlier: a jump between two
+    levels that stands for a rise stands in its middle.
+    """
     name, at = number
-    if at is None:
+    if name in cause.moved_durations:
         before_s = float(getattr(cause, name))
-        after_s = before_s + change_s
-        if name in cause.moved_durations:
-            after_s = max(after_s, 0.0)
-            return _changed(cause, {name: after_s}) if after_s != before_s else None
-        return _changed(cause, {name: after_s}) if _is_seen(record, before_s, after_s) else None
-    times_s = list(getattr(cause, name))
-    before_s, times_s[at] = times_s[at], times_s[at] + change_s
-    return _changed(cause, {name: tuple(times_s)}) if _is_seen(record, before_s, times_s[at]) else None
+        after_s = max(before_s + change_s, 0.0)
+        if after_s != before_s:
+            moments = {m: float(getattr(cause, m)) for m in cause.moved_moments}
+            earlier_s = {m: (t, t + before_s - after_s) for m, t in moments.items() if t < record.time_s[-1]}
+            sooner = {m: pair[1] for m, pair in earlier_s.items() if _is_seen(record, *pair)}
+            yield from _changed(cause, {name: after_s})
+            yield from _changed(cause, {name: after_s, **sooner})
+    elif at is None:
+        before_s = float(getattr(cause, name))
+        if _is_seen(record, before_s, before_s + change_s):
+            yield from _changed(cause, {name: before_s + change_s})
+    else:
+        times_s = list(getattr(cause, name))
+        before_s, times_s[at] = times_s[at], times_s[at] + change_s
+        if _is_seen(record, before_s, times_s[at]):
+            yield from _changed(cause, {name: tuple(times_s)})
 
 
-def _changed(cause: Cause, times_s: Mapping[str, float | tuple[float, ...]]) -> Cause | None:
+def _changed(cause: Cause, times_s: Mapping[str, float | tuple[float, ...]]) -> Iterator[Cause]:
     try:
-        return replace(cause, **times_s)
+        yield replace(cause, **times_s)
     except ParameterError:
-        return None
+        return
 
 
 def _is_seen(record: FitRecord, *times_s: float) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import is_accepted, is_no_wander, likelier, simplest, sure_gain
+from fomrc_core.diagnosis.decision import is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
@@ -152,7 +152,7 @@ def _with_pair(asked: Round, first: Candidate) -> tuple[SearchState, Candidate] 
     """Return a second candidate to accept, and the state with the first of the pair, where one alone does not do."""
     state, split = asked.state, asked.split
     second = _second_of_pair(asked, first)
-    if second is None or not is_accepted(second, asked.n_causes) or not is_no_wander(second, split):
+    if second is None or not is_finding(second, split, asked.n_causes):
         return None
     steps = (*state.steps, Step(state.model, replace(first, score=second.score), (), ()))
     state = replace(state, model=first.fitted.model, steps=steps, tried=state.tried | {first.cause})

@@ -44,6 +44,10 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
         timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
         model = fit_one_record(model, one, part.index, kinds - timed)
+        if any(cause.has_own_times() for cause in model.causes_in(part.index)):
+            # a moment in a block nobody looked at is where its neighbours put it: it is moved where all can be seen
+            alone = with_times_moved(model.alone(part.index), part.record, 0)
+            model = model.with_record_of(alone, part.index)
         model = fit_one_record(model, part.record, part.index, timed)
         for kind in sorted(timed):
             if model.has(kind, part.index):

@@ -21,7 +21,7 @@ from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.errors import ParameterError
-from fomrc_core.fitting.evidence import evidence_of
+from fomrc_core.fitting.evidence import evidence_of, legible
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.joint_fit import effect_directions
@@ -103,9 +103,9 @@ class HeldView:
 
     def evidence(self) -> RecordEvidence:
         """Return what a cause may look at of it."""
-        record = self.record
+        record, residual_um = self.record, legible(self.residual_um, self.record)
         return RecordEvidence(
-            record.time_s, record.steps_s, record.voltage_v, self.predicted_um, self.residual_um, record.covariates
+            record.time_s, record.steps_s, record.voltage_v, self.predicted_um, residual_um, record.covariates
         )
 
     def explained(self, model: TrialModel, cause: Cause, coefficients: Array, takes_either_sign: bool) -> float:

@@ -11,7 +11,7 @@ from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     is_accepted,
-    is_no_wander,
+    is_finding,
     likelier,
     margin_of,
     rivals_of,
@@ -21,9 +21,11 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
     whitened_margin_of,
 )
+from fomrc_core.diagnosis.finer_grid import on_finer_grid
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
+from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
@@ -85,15 +87,22 @@ def search(
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
+        state = on_finer_grid(state, split, executor)
         present = PresentModel.of(state.model, split)
         wanted = tuple(name for name in causes if name not in state.tried)
         screened = screen(present, wanted, held_view(state.model, split), executor)
         candidates: list[Candidate] = []
         chosen = None
-        has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
+        has_room = len(state.steps) < MAX_FINDINGS and _may_go_on(state, split, budget)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
+            if chosen is not None and chosen[1].brings_plays and number < _MAX_ROUNDS - 1:
+                # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
+                finer = on_finer_grid(state, split, executor, most_left=math.inf)
+                if finer is not state:
+                    state = finer
+                    continue
         among = Round(state, candidates, split, wanted, len(causes), executor, budget)
         if chosen is not None:
             chosen = or_pair(chosen, among)
@@ -123,6 +132,14 @@ def search(
             state = with_rival(state, at, rival, (state.steps[:at], ()), split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
+
+
+def _may_go_on(state: SearchState, split: DataSplit, budget: WorkBudget) -> bool:
+    """Return whether further causes may be sought; nothing is left out where no test finds anything to seek."""
+    is_noise = state.final.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used
+    if budget.is_spent(CAUSES) and is_noise and nothing_is_left(state.model, split):
+        return False
+    return budget.allows(CAUSES)
 
 
 def _last_look(
@@ -162,7 +179,8 @@ def _asked(
         by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
         tier = refitted(present, split, by_cause, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
-        accepted = next((c for c in tier if is_accepted(c, len(causes)) and is_no_wander(c, split)), None)
+        surest = sorted(tier, key=lambda candidate: not is_accepted(candidate, len(causes)))
+        accepted = next((candidate for candidate in surest if is_finding(candidate, split, len(causes))), None)
         if accepted is not None:
             likeliest = likelier(accepted, candidates, split, len(causes))
             candidates = with_kin(likeliest, candidates, present, split, causes)

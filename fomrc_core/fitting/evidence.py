@@ -6,7 +6,17 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.records.quality import bridged
 from fomrc_core.records.sensor_step import sensor_step_um
+
+
+def legible(residual_um: Array, record: FitRecord) -> Array:
+    """Return a residual [um] bridged where the readings are wrong, shape (n_samples,).
+
+    A sensor that stuck or dropped out leaves a residual many times that of any cause, and effects look for theirs by
+    sums and spectra over whole records.
+    """
+    return bridged(residual_um, record.recording.valid_samples)
 
 
 def evidence_of(
@@ -27,7 +37,7 @@ def evidence_of(
                 record.steps_s,
                 record.voltage_v,
                 predict(trial, record, index, is_coarse=True),
-                residual_um,
+                legible(residual_um, record),
                 record.covariates,
                 sensor_step_um(record.measured_um[record.recording.valid_samples]),
             )

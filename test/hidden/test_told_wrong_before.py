@@ -40,6 +40,10 @@ def _parameter_error_of(cause: str, seed: int, group: str) -> float | None:
         ("intermittent_contact", 92069, "new"),
         # of four relaxations the fourth had been told as a slow_relaxation beside the law
         ("creep_law", 122033, "new"),
+        # the grid of its plays was too coarse for the noise: one-sided plays were told beside it
+        ("voltage_dependent_capacitance", 142008, "new"),
+        # an opening on a plateau of one record was missed, and what that left was no noise
+        ("intermittent_contact", 142069, "new"),
     ],
 )
 def test_it_is_named_explained_and_measured(cause: str, seed: int, group: str) -> None:

@@ -47,22 +47,25 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         begin = _opening(measured_um, record.residual_um, begin, int(end))
         if end - begin < _LEAST_SAMPLES:
             continue
-        unseen_um = moved_um[begin:end] - moved_um[begin]
-        n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
-        # it misses what the drive does, and gets it back
-        after = slice(end, end + max((end - begin) // 2, _LEAST_SAMPLES))  # behind a lag it takes some samples
-        due_um = moved_um[after] - moved_um[begin]
-        back_um = measured_um[after] - measured_um[end - 1]
-        back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
-        is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
-        is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - moved_um[begin])
-        if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
-            continue
         level_um = float(np.mean(measured_um[begin : begin + _LEAST_SAMPLES]))
         step_um = record.predicted_um[begin] - record.predicted_um[begin - 1]
         share = (level_um - measured_um[begin - 1]) / step_um if step_um != 0.0 else 1.0
+        share = min(max(share, 0.0), 1.0)
+        # the lead opened between two samples: where a step fell between them, it opened before that, or after
+        held_um = moved_um[begin - 1] + share * (moved_um[begin] - moved_um[begin - 1])
+        unseen_um = moved_um[begin:end] - held_um
+        n_unseen = np.count_nonzero(np.abs(unseen_um) > _STANDS * noise_um)
+        # it misses what the drive does, and gets it back
+        after = slice(end, end + max((end - begin) // 2, _LEAST_SAMPLES))  # behind a lag it takes some samples
+        due_um = moved_um[after] - held_um
+        back_um = measured_um[after] - measured_um[end - 1]
+        back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
+        is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
+        is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - held_um)
+        if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
+            continue
         step_s = time_s[begin] - time_s[begin - 1]
-        open_s = float(time_s[begin - 1] + min(max(share, 0.0), 1.0) * step_s)
+        open_s = float(time_s[begin - 1] + share * step_s)
         if found and open_s <= found[-1][1]:
             if abs(open_s - found[-1][0]) > step_s:
                 continue

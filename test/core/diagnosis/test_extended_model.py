@@ -23,6 +23,7 @@ def _kept(
     monkeypatch.setattr(extended_model, "_extend", lambda model, _: extended_model.Extension(None, model))
     monkeypatch.setattr(extended_model, "_fitted", lambda model, _: extended_model.Extension(None, model))
     monkeypatch.setattr(extended_model, "refit", lambda model, *_, **__: SimpleNamespace(model=model))
+    monkeypatch.setattr(extended_model, "on_same_grid", lambda model, *_: model)
     monkeypatch.setattr(extended_model, "follow_held", lambda model, _: model)
     steps = tuple(SimpleNamespace(before=before, accepted=after) for before, after in (("base", "one"), ("one", "two")))
     found, extension = never_worse(SearchResult("two", steps, None, (), None), "base", split)

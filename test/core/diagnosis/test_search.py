@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis import decision, pair_search, search
+from fomrc_core.diagnosis import candidate, decision, pair_search, search
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
@@ -20,6 +20,7 @@ from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
 
@@ -174,6 +175,28 @@ def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSp
     assert decision.still_tied(chain, tied, split) == tied
 
 
+def test_what_befell_a_record_is_asked_beside_those_that_screen_alike() -> None:
+    alike = [name for name, kind in cause_classes().items() if not kind.is_record_bound][:12]
+    screened = {name: 1.0 - 0.01 * k for k, name in enumerate(alike)}
+    asked = candidate._likely({**screened, "mains_hum": 0.35, "external_load": 0.1})
+    assert asked == [*alike[:8], "mains_hum"]
+    # one of the eight it takes nobody's place
+    assert candidate._likely({**screened, "mains_hum": 2.0})[0] == "mains_hum"
+
+
+@pytest.mark.parametrize(
+    ("p_value", "likelier_by", "is_found"),
+    [(1e-5, 11.0, True), (1e-5, 9.0, False), (5e-3, 11.0, False), (5e-3, 13.0, True), (2e-2, 1e3, False)],
+)
+def test_the_surer_of_score_and_likelihood_pays_for_the_number_of_causes(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, p_value: float, likelier_by: float, is_found: bool
+) -> None:
+    hum = _contender(split, "mains_hum", 2.0, 2.0)
+    hum = replace(hum, score=replace(hum.score, p_value=p_value))
+    monkeypatch.setattr(decision, "gain_beyond_wander", lambda _model, _cause, _split: likelier_by)
+    assert decision.is_finding(hum, split, 18) is is_found
+
+
 @pytest.mark.parametrize("left", [100.0, 1.0])
 def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_much_is_left(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float
@@ -184,7 +207,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
     monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
-    monkeypatch.setattr(search, "is_no_wander", lambda _candidate, _split: True)  # made up, not fitted
+    monkeypatch.setattr(search, "is_finding", lambda c, _split, n: decision.is_accepted(c, n))  # made up, not fitted
 
     def names_from(first: str) -> tuple[str, ...]:
         names = tuple(t.name for t in trials)

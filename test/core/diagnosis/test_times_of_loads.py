@@ -74,3 +74,37 @@ def test_a_load_that_stays_is_moved_at_its_one_edge() -> None:
     assert isinstance(load, ExternalLoad)
     assert load.onset_s == pytest.approx(5.0, abs=STEP_S)
     assert load.release_s == ExternalLoad(0.3, 5.0).release_s, "what never ends is not moved to an end"
+
+
+def test_an_edge_that_jumps_in_the_middle_of_a_rise_moves_to_where_it_begins() -> None:
+    n = 1200
+    plain = TrialModel(
+        ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),)
+    )
+    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
+    moved_um = predict(plain, FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    loaded_um = 0.3 * settled(n, 400.4, 800.4, 1.0)
+    record = FitRecord.of(Recording(time_s, drive_v, moved_um + loaded_um))
+    # neither a jump at another moment nor a rise from where it is leaves less of a rise than a jump in its middle
+    begun = plain.with_cause(ExternalLoad(0.3, STEP_S * 405.9, STEP_S * 805.9, 0.0), 0)
+    # one of the two moments is where nobody looks, as in a sensor that drops out
+    record = record.using(np.abs(time_s - STEP_S * 402.5) > 6 * STEP_S)
+    (load,) = with_times_moved(begun, record, 0).causes_in(0)
+    assert isinstance(load, ExternalLoad)
+    assert load.rise_s == pytest.approx(STEP_S, abs=0.3 * STEP_S)
+    assert load.release_s == pytest.approx(STEP_S * 800.4, abs=0.3 * STEP_S)
+
+
+def test_a_load_is_found_in_records_whose_sensor_stuck_for_a_while() -> None:
+    records = []
+    for seed, (n, begin, end, stuck) in enumerate(((2400, 700.3, 1410.8, 1800), (1500, 900.6, 1300.2, 360))):
+        drive_v, rng = sweeps(n, seed + 5), np.random.default_rng(seed)
+        moved_um = STAGE.simulate(np.full(n, STEP_S), drive_v) + 0.12 * settled(n, begin, end, 2.0)
+        moved_um += rng.normal(0.0, NOISE_UM, n)
+        moved_um[stuck : stuck + 40] = moved_um[stuck]
+        # the drive has gone on by far more than a load moves the stage
+        assert np.ptp(drive_v[stuck : stuck + 40]) > 2.0
+        records.append(Recording(STEP_S * np.arange(n), drive_v, moved_um))
+    found = diagnose(records[0], test=records[1])
+    assert [finding.cause for finding in found.findings] == ["external_load"]
+    assert found.status is Status.EXPLAINED

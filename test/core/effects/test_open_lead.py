@@ -147,6 +147,22 @@ def test_an_opening_begins_where_the_model_is_left_and_not_where_a_ramp_comes_ne
     np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * first], [STEP_S * last]], atol=1.5 * STEP_S)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_an_opening_on_a_plateau_is_seen_by_the_step_that_is_missed(seed: int) -> None:
+    n, stepped, last = 600, 330, 352
+    drive_v = np.repeat([0.0, 2.0, 5.0, 3.0, 4.0], [100, 120, 110, 130, 140]).astype(np.float64)
+    # the stage creeps on each plateau, so that the model is followed until the step, and a level kept from it on
+    since = np.concatenate([np.arange(size) for size in (100, 120, 110, 130, 140)])
+    moved_um = drive_v - 0.3 * np.exp(-since / 60.0)
+    shown_um = moved_um.copy()
+    shown_um[stepped:last] = moved_um[stepped - 1]  # it opens just before, and closes before the drive has moved on
+    left_um = shown_um - moved_um + np.random.default_rng(seed).normal(0.0, 2e-3, n)
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, moved_um, left_um)
+    opens_s, closes_s = open_times(record, 2e-3)
+    np.testing.assert_allclose(opens_s, [STEP_S * stepped], atol=2.5 * STEP_S)
+    np.testing.assert_allclose(closes_s, [STEP_S * last], atol=1.5 * STEP_S)
+
+
 def test_openings_are_seen_beside_what_stands_and_jumps_in_its_own_way() -> None:
     n, step_v = 2400, 0.4
     drive_v = sweeps(n, 1)
