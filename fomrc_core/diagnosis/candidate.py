@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on, noise_um2
+from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
@@ -206,7 +206,7 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
             by_cause.setdefault(trial.name, []).append(trial)
     if not by_cause:
         # what a large effect explains at full size its slope does not tell
-        best = [trial for trial in screened if error > _MUCH_LEFT * present.noise_um**2 * split.n_used]
+        best = [trial for trial in screened if error > _MUCH_LEFT * split.noise_um2]
         for trial in best:
             if len(by_cause) < _UNPROMISING or trial.name in by_cause:
                 by_cause.setdefault(trial.name, []).append(trial)
@@ -246,7 +246,7 @@ def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], least_um
     closest = min((first.fits[0][0] for first in begun), key=lambda fitted: fitted.squared_error, default=None)
     left_um = present.residuals_um if closest is None else closest.residual
     # what noise is left of it is no one's gain
-    least_um2 = max(least_um2, noise_um2(present, split))
+    least_um2 = max(least_um2, split.noise_um2)
     return Reach(present.squared_error, least_um2, split.n_used / residual_inflation(left_um, split.train))
 
 

@@ -71,7 +71,7 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
     """
     first = begun.fits[0][0]
     foreseen = min(_foreseen(fitted) for fitted, _ in begun.fits)
-    if not begun.is_bound and foreseen > _HOPELESS * max(least_um2, noise_um2(present, split)):
+    if not begun.is_bound and foreseen > _HOPELESS * max(least_um2, split.noise_um2):
         return first if first.squared_error < present.squared_error else None
     fits = _further(present, split, begun)
     if not fits or min(f.squared_error for f in fits) > _HOPELESS * present.squared_error:
@@ -84,7 +84,7 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         # the plays were chosen beside the power law: beside another they are others, and no form is told before
         fits = [fit_until_still(fitted.model, split.train) for fitted in _best_of_forms(fits)]
     closest = min(fits, key=lambda f: f.squared_error)
-    if closest.squared_error > _FAR_BEHIND * max(least_um2, noise_um2(present, split)):
+    if closest.squared_error > _FAR_BEHIND * max(least_um2, split.noise_um2):
         # whichever form of it is the right one, another cause left less when it had only begun
         return _followed(closest, split, present.squared_error)
     best = _worth_its_parameters(fits, present, split)
@@ -124,17 +124,12 @@ def _foreseen(first: Refit) -> float:
     return first.squared_error * math.exp(-foreseen_gain(first))
 
 
-def noise_um2(present: PresentModel, split: DataSplit) -> float:
-    """Return the sum of squares that the known noise leaves [um^2]."""
-    return present.noise_um**2 * split.n_used
-
-
 def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refit]:
     fits: list[Refit] = []
     begun_valleys: list[Refit] = []
     closest = begun.fits[0][0]
     n_independent = split.n_used / residual_inflation(closest.residual, split.train)
-    reach = Reach(present.squared_error, max(closest.squared_error, noise_um2(present, split)), n_independent)
+    reach = Reach(present.squared_error, max(closest.squared_error, split.noise_um2), n_independent)
     for first, given in begun.fits:
         error = first.squared_error
         # of another form a few iterations say little

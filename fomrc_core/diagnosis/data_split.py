@@ -101,6 +101,11 @@ class DataSplit:
         return self.is_apart or n_loop_kinds([record.voltage_v for record in self.train]) >= MANY_LOOPS
 
     @property
+    def noise_um2(self) -> float:
+        """Sum of squares that the known noise leaves of the training records [um^2]."""
+        return self.noise_um**2 * self.n_used
+
+    @property
     def n_used(self) -> int:
         """Number of samples a fit learns from."""
         return int(sum(np.count_nonzero(r.is_used) for r in self.train))

@@ -116,7 +116,7 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
     of two models that both leave something else the likelier one says less.
     """
     n_effective = _n_effective(winner.fitted, split)
-    leaves_noise = winner.fitted.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used
+    leaves_noise = winner.fitted.squared_error < _AS_NOISE * split.noise_um2
     tied = []
     for other in candidates:
         if other is winner:

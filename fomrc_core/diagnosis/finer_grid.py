@@ -16,30 +16,25 @@ from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.record_effects import follow_held
-from fomrc_core.diagnosis.search_state import SearchState
+from fomrc_core.diagnosis.search_state import AS_NOISE, SearchState
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.joint_fit import fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 
-# Of the noise's power is left: below, nothing is to be gained; above, other causes are hidden, whose shapes plays of
-# any threshold would bend to.
-_LEAST_LEFT, MOST_LEFT = 1.1, 4.0
 _MOST_THRESHOLDS = 900  # of a grid: its normal equations are solved for all of them at once
 
 
-def on_finer_grid(
-    state: SearchState, split: DataSplit, executor: Executor | None, most_left: float = MOST_LEFT
-) -> SearchState:
+def on_finer_grid(state: SearchState, split: DataSplit, executor: Executor | None) -> SearchState:
     """Return the state with plays chosen from a finer grid, where that is surely likelier and predicts no worse.
+
+    Each grid has the thresholds of the one before and those halfway between them, while more than noise is left.
 
     Args:
         state: with the last joint refit.
         split: records.
         executor: simulates side by side where given.
-        most_left: times the noise's power, of which more is left to the causes.
     """
-    noise_um2 = split.noise_um**2 * split.n_used
-    while _LEAST_LEFT * noise_um2 < state.final.squared_error < most_left * noise_um2:
+    while state.final.squared_error > AS_NOISE * split.noise_um2:
         grid_v = state.model.grid_v
         if grid_v is None or 2 * grid_v.size > _MOST_THRESHOLDS:
             break

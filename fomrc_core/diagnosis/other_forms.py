@@ -25,7 +25,7 @@ def in_best_form(final: Refit, split: DataSplit, executor: Executor | None) -> R
         executor: runs refits side by side where given.
     """
     for effect in final.model.effects:
-        if final.squared_error < split.noise_um**2 * split.n_used:
+        if final.squared_error < split.noise_um2:
             break
 
         def begun(start: TrialModel) -> Refit:

@@ -25,13 +25,12 @@ from fomrc_core.diagnosis.finer_grid import on_finer_grid
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
-from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.diagnosis.search_state import PRUNED, SearchState, pruned, with_rival
+from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -40,7 +39,6 @@ from fomrc_core.model.causes import cause_classes
 
 MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
 _MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
-_AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
 _MUCH_LEFT = 4.0  # times the noise's power, slow noise that no repeat shows among it
 _MAX_TIERS = 2  # of a round: each costs its refits
 
@@ -87,19 +85,21 @@ def search(
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
-        state = on_finer_grid(state, split, executor)
+        if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
+            # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
+            state = on_finer_grid(state, split, executor)
         present = PresentModel.of(state.model, split)
         wanted = tuple(name for name in causes if name not in state.tried)
         screened = screen(present, wanted, held_view(state.model, split), executor)
         candidates: list[Candidate] = []
         chosen = None
-        has_room = len(state.steps) < MAX_FINDINGS and _may_go_on(state, split, budget)
+        has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
             if chosen is not None and chosen[1].brings_plays and number < _MAX_ROUNDS - 1:
                 # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
-                finer = on_finer_grid(state, split, executor, most_left=math.inf)
+                finer = on_finer_grid(state, split, executor)
                 if finer is not state:
                     state = finer
                     continue
@@ -134,14 +134,6 @@ def search(
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
 
 
-def _may_go_on(state: SearchState, split: DataSplit, budget: WorkBudget) -> bool:
-    """Return whether further causes may be sought; nothing is left out where no test finds anything to seek."""
-    is_noise = state.final.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used
-    if budget.is_spent(CAUSES) and is_noise and nothing_is_left(state.model, split):
-        return False
-    return budget.allows(CAUSES)
-
-
 def _last_look(
     state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
 ) -> LastLook:
@@ -153,7 +145,7 @@ def _last_look(
         uncompared = (replace(step, margin=math.nan, whitened_margin=math.nan) for step in state.steps[:-1])
         return LastLook((*uncompared, state.steps[-1]), None)
     # Where much is left nothing is explained, whoever does as well: there it is asked for a way on.
-    is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um**2 * split.n_used
+    is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um2
     return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left)
 
 
@@ -187,7 +179,7 @@ def _asked(
             return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
-        if state.final.squared_error < _MUCH_LEFT * split.noise_um**2 * split.n_used:
+        if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
             break
         if not budget.allows(CAUSES):
             break
@@ -249,7 +241,7 @@ def _better_rival(
     Where a rival was found later itself, the finding may have stood in for a third cause: the rival goes first if the
     cause that is then found beside it does better than all that has been found.
     """
-    if state.final.squared_error < _AS_NOISE * split.noise_um**2 * split.n_used:
+    if state.final.squared_error < AS_NOISE * split.noise_um2:
         return None  # nothing is left that another cause could explain
     for at, step in enumerate(state.steps[:-1]):
         name = step.accepted.cause

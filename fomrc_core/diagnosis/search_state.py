@@ -17,6 +17,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
+AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
 PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 

@@ -70,12 +70,8 @@ class WorkBudget:
             what: PAIRS, CAUSES or COMPARED.
             has_found: whether the search has found anything: without a pair it would come to nothing.
         """
-        is_allowed = not self.is_spent(what, has_found=has_found)
+        most = {PAIRS: _FOR_PAIRS if has_found else _FOR_FIRST_PAIRS, CAUSES: _FOR_CAUSES, COMPARED: _FOR_NAMES}
+        is_allowed = self.n_done() < most[what]
         if not is_allowed and what not in self.left_out:
             self.left_out.append(what)
         return is_allowed
-
-    def is_spent(self, what: str, *, has_found: bool = True) -> bool:
-        """Return whether there is nothing left for something; it is not told as left out."""
-        most = {PAIRS: _FOR_PAIRS if has_found else _FOR_FIRST_PAIRS, CAUSES: _FOR_CAUSES, COMPARED: _FOR_NAMES}
-        return self.n_done() >= most[what]

@@ -204,6 +204,11 @@ class Probe:
         return time.time() - self._epoch_s
 
     @staticmethod
+    def sent_since(heard: list, time_s: float) -> list:
+        """Return what was sent after this time, of a list that ``record`` fills."""
+        return [entry for entry in heard if entry[0] > time_s]
+
+    @staticmethod
     def stamp(time_s: float) -> Time:
         """Return a time of day as a stamp."""
         nanoseconds = round(time_s * 1e9)

@@ -176,7 +176,7 @@ def test_row_04_the_narrower_limits_win(tmp_path, probe, start, spoilt):
     assert probe.set_all(compensator.name, minimum_voltage_v=-0.2, maximum_voltage_v=0.2).successful
     answered_s = probe.now_s()
     probe.until(calibrated.done, "the end of the calibration")
-    voltages = np.array([message.data for sent_s, message in heard if sent_s > answered_s])
+    voltages = np.array([message.data for _, message in probe.sent_since(heard, answered_s)])
     assert voltages.size > 100
     assert np.abs(voltages).max() <= 0.2
 

@@ -24,10 +24,6 @@ def volts(heard) -> np.ndarray:
     return np.array([message.data for _, message in heard])
 
 
-def sent_since(heard, time_s: float) -> list:
-    return [entry for entry in heard if entry[0] > time_s]
-
-
 def held_at(probe, node, heard, publisher, target_m: float) -> float:
     """Follow a target until the voltage has come to it; return that voltage."""
     probe.drive_until(publisher, target_m, lambda: heard, "a voltage")
@@ -45,11 +41,11 @@ def test_row_07_limits_narrowed_live_are_kept_from_the_next_message_on(tmp_path,
     assert probe.set_one(node.name, "maximum_voltage_v", 0.3).successful
     answered_s = probe.now_s()
     probe.drive(publisher, lambda t: 1.8e-6, 0.5)
-    assert volts(sent_since(heard, answered_s)).max() == 0.3
+    assert volts(probe.sent_since(heard, answered_s)).max() == 0.3
     assert probe.set_all(node.name, minimum_voltage_v=-0.1, maximum_voltage_v=0.1).successful
     answered_s = probe.now_s()
-    probe.until(lambda: len(sent_since(heard, answered_s)) > 40, "voltage at rest")
-    assert np.abs(volts(sent_since(heard, answered_s))).max() <= 0.1
+    probe.until(lambda: len(probe.sent_since(heard, answered_s)) > 40, "voltage at rest")
+    assert np.abs(volts(probe.sent_since(heard, answered_s))).max() <= 0.1
 
 
 @pytest.mark.parametrize("source", ["narrower limits", "hand-edited"])

@@ -49,7 +49,7 @@ def _begun(split: DataSplit) -> SearchState:
 def test_what_a_coarse_grid_leaves_is_followed_to_the_noise() -> None:
     split = _split(NOISE_UM)
     coarse = _begun(split)
-    finer = on_finer_grid(coarse, split, None, most_left=9.0)
+    finer = on_finer_grid(coarse, split, None)
     assert _held(coarse, split) > 1.5
     assert _held(finer, split) < 1.15
     # the same plays, nearer to where they are: hardly more of them
@@ -65,10 +65,6 @@ def test_where_noise_is_all_that_is_left_nothing_is_tried() -> None:
     split = _split(20.0 * NOISE_UM)
     coarse = _begun(split)
     assert on_finer_grid(coarse, split, None) is coarse
-    # and where much is left beside it is left to the causes
-    split = _split(NOISE_UM)
-    coarse = _begun(split)
-    assert on_finer_grid(coarse, split, None, most_left=1.0 + 1e-9) is coarse
 
 
 def test_nothing_is_found_in_it_and_the_noise_is_known() -> None:

@@ -61,36 +61,35 @@ def test_a_weight_that_settles_within_some_samples_is_explained_with_its_moments
     assert np.max(np.abs(left_um[beside])) < 0.12 / 8.0
 
 
-def test_a_load_that_stays_is_moved_at_its_one_edge() -> None:
-    n = 1200
-    plain = TrialModel(
-        ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),)
-    )
-    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
-    moved_um = predict(plain, FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
-    record = FitRecord.of(Recording(time_s, drive_v, moved_um + 0.3 * (time_s >= 5.0)))
-    begun = plain.with_cause(ExternalLoad(0.3, 5.0 + 6.3 * STEP_S), 0)
-    (load,) = with_times_moved(begun, record, 0).causes_in(0)
+PLAIN = TrialModel(ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),))
+
+
+def _loaded(load_um: np.ndarray) -> FitRecord:
+    """Return a record of the plain model under this load, shape (n_samples,)."""
+    drive_v, time_s = sweeps(load_um.size, 3), STEP_S * np.arange(load_um.size)
+    moved_um = predict(PLAIN, FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    return FitRecord.of(Recording(time_s, drive_v, moved_um + load_um))
+
+
+def _moved(begun: ExternalLoad, record: FitRecord) -> ExternalLoad:
+    (load,) = with_times_moved(PLAIN.with_cause(begun, 0), record, 0).causes_in(0)
     assert isinstance(load, ExternalLoad)
+    return load
+
+
+def test_a_load_that_stays_is_moved_at_its_one_edge() -> None:
+    record = _loaded(0.3 * (STEP_S * np.arange(1200) >= 5.0))
+    load = _moved(ExternalLoad(0.3, 5.0 + 6.3 * STEP_S), record)
     assert load.onset_s == pytest.approx(5.0, abs=STEP_S)
     assert load.release_s == ExternalLoad(0.3, 5.0).release_s, "what never ends is not moved to an end"
 
 
 def test_an_edge_that_jumps_in_the_middle_of_a_rise_moves_to_where_it_begins() -> None:
-    n = 1200
-    plain = TrialModel(
-        ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0])), np.array([1.5, 0.3, 0.4, 0.3]), 0.02, (), ((),)
-    )
-    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
-    moved_um = predict(plain, FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
-    loaded_um = 0.3 * settled(n, 400.4, 800.4, 1.0)
-    record = FitRecord.of(Recording(time_s, drive_v, moved_um + loaded_um))
-    # neither a jump at another moment nor a rise from where it is leaves less of a rise than a jump in its middle
-    begun = plain.with_cause(ExternalLoad(0.3, STEP_S * 405.9, STEP_S * 805.9, 0.0), 0)
+    record = _loaded(0.3 * settled(1200, 400.4, 800.4, 1.0))
     # one of the two moments is where nobody looks, as in a sensor that drops out
-    record = record.using(np.abs(time_s - STEP_S * 402.5) > 6 * STEP_S)
-    (load,) = with_times_moved(begun, record, 0).causes_in(0)
-    assert isinstance(load, ExternalLoad)
+    record = record.using(np.abs(record.time_s - STEP_S * 402.5) > 6 * STEP_S)
+    # neither a jump at another moment nor a rise from where it is leaves less of a rise than a jump in its middle
+    load = _moved(ExternalLoad(0.3, STEP_S * 405.9, STEP_S * 805.9, 0.0), record)
     assert load.rise_s == pytest.approx(STEP_S, abs=0.3 * STEP_S)
     assert load.release_s == pytest.approx(STEP_S * 800.4, abs=0.3 * STEP_S)
 
