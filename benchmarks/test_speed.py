@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
@@ -10,7 +11,10 @@ import numpy as np
 import pytest
 
 from benchmarks.subjects import MODEL_FILE, ROOT, STEP_S, drive, record, table_1
+from fomrc_core.effects import Effect
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.clock_skew import ClockSkew
+from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.operators.creep import creep_block, integrate
@@ -55,6 +59,14 @@ def test_hysteresis_alone(benchmark, model, form):
 def test_creep_alone(benchmark, model):
     steps, values = drive(N)
     benchmark(integrate, creep_block(model.creep_modes), 0, values, steps, np.empty(N))
+
+
+@pytest.mark.parametrize("way", ["side by side", "one by one"])
+@pytest.mark.parametrize("effect", [SensorBandwidth(100.0, 2.0), ClockSkew(300.0)], ids=lambda effect: effect.name)
+def test_columns_of_a_fit(benchmark, effect, way):
+    columns = np.random.default_rng(0).standard_normal((N // 10, 60)).cumsum(axis=0)
+    linearized = effect.linearized if way == "side by side" else functools.partial(Effect.linearized, effect)
+    benchmark(linearized, columns, np.full(N // 10, STEP_S))
 
 
 @pytest.mark.parametrize("direction", ["forward", "inverse"])

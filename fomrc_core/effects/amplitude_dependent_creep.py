@@ -12,6 +12,7 @@ from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import plain_block, run_knees, with_plays_of
+from fomrc_core.effects.base.linear_columns import through_modes
 from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes
 from fomrc_core.effects.base.step_form import Fields, Number, StateField, StepForm
 
@@ -195,21 +196,12 @@ class AmplitudeDependentCreep(Effect):
         """Return the changes, and the creep of each times twice the displacement's size; what switches is left out."""
         if values is None or self.per_decade_per_um == 0.0:
             return changes
-        passed = changes.copy()
-        rest = modes_at_rest(self._modes()[0].size)
-        for column in range(changes.shape[1]):
-            squares = np.ascontiguousarray(2.0 * self.per_decade_per_um * np.abs(values) * changes[:, column])
-            passed[:, column] += self._crept(rest.copy(), squares, steps_s)
-        return np.asarray(passed)
+        squares = (2.0 * self.per_decade_per_um * np.abs(values))[:, None] * changes
+        return changes + through_modes(*self._modes(), squares, steps_s)
 
     def of_plays(self, thresholds_v: Array, plays_v: Array, steps_s: Array) -> Array:
         """Return the creep of each play, as much as its threshold asks for."""
-        added = np.empty(plays_v.shape, order="F")
-        growths = self._growths(thresholds_v)
-        for column in range(plays_v.shape[1]):
-            one = np.ascontiguousarray(growths[column] * plays_v[:, column])
-            added[:, column] = self._crept(modes_at_rest(self._modes()[0].size), one, steps_s)
-        return added
+        return through_modes(*self._modes(), self._growths(thresholds_v) * plays_v, steps_s)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

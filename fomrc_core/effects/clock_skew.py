@@ -10,6 +10,7 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state
+from fomrc_core.effects.base.linear_columns import read_between
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
 
 
@@ -94,6 +95,14 @@ class ClockSkew(Effect):
         state[0], state[1] = kept, start[-1]
         state[3 : 3 + kept], state[3 + _KEPT : 3 + _KEPT + kept] = times[-kept:], drive[-kept:]
         return out
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes at the sensor's true times, (n_samples, n_changes)."""
+        times_s = np.concatenate(([0.0], np.cumsum(steps_s[1:])))
+        wanted_s = times_s * (1.0 + 1e-6 * self.ppm)
+        later = np.clip(np.searchsorted(times_s, wanted_s, side="right"), 1, times_s.size - 1)
+        share = (wanted_s - times_s[later - 1]) / (times_s[later] - times_s[later - 1])
+        return read_between(changes, later, share)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.linear_columns import through_modes
 from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, modes_form, run_modes, undo_modes
 from fomrc_core.effects.base.step_form import StepForm
 
@@ -87,6 +88,10 @@ class CreepLaw(Effect):
         out = np.empty(values.size)
         run_modes(state, *self._modes(), 1.0, values, steps_s, out)
         return out
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes that have crept, (n_samples, n_changes)."""
+        return through_modes(*self._modes(), 1.0, changes, steps_s)
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the displacement before creep [um], exactly."""

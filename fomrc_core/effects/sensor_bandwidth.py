@@ -11,6 +11,7 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.linear_columns import through_pairs
 from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
 from fomrc_core.effects.base.pairs_beside import pairs_form
 from fomrc_core.effects.base.step_form import StepForm
@@ -78,6 +79,10 @@ class SensorBandwidth(Effect):
         poles, gains = self._modes
         run_pairs(state, poles, gains, values, steps_s, out)
         return out
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the filtered changes, (n_samples, n_changes)."""
+        return through_pairs(*self._modes, 0.0, changes, steps_s)
 
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""

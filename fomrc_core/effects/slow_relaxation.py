@@ -12,6 +12,7 @@ from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_shares, run_lag
+from fomrc_core.effects.base.linear_columns import through_modes
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
 
@@ -76,6 +77,10 @@ class SlowRelaxation(Effect):
         out = np.empty(values.size)
         _invert_relaxation(state, self.amplitude, self.time_constant_s, values, steps_s, out)
         return out
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes with their late parts, (n_samples, n_changes)."""
+        return through_modes(np.array([1.0 / self.time_constant_s]), np.array([self.amplitude]), 1.0, changes, steps_s)
 
     def is_plausible(self, duration_s: float, step_s: float) -> bool:
         """Return whether the relaxation adds to the displacement and bends within the record, over some samples.

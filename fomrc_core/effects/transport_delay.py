@@ -12,6 +12,7 @@ from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_delay
+from fomrc_core.effects.base.linear_columns import read_between
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
 from fomrc_core.errors import ParameterError
 
@@ -90,6 +91,17 @@ class TransportDelay(Effect):
                 allowed=f"up to {DELAY_CAPACITY - 1} steps, substeps counted",
             )
         return out
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the delayed changes, (n_samples, n_changes)."""
+        if self.is_null():
+            return changes
+        times_s = np.cumsum(steps_s)
+        wanted_s = times_s - self.delay_s
+        later = np.searchsorted(times_s, wanted_s, side="right")
+        earlier_s = np.where(later > 0, times_s[later - 1], 0.0)
+        share = np.maximum(wanted_s - earlier_s, 0.0) / (times_s[later] - earlier_s)
+        return read_between(changes, later, share)
 
     def response(self, frequency_hz: Array) -> ComplexArray:
         """Return exp(-2 pi i f T) [1] at frequencies [Hz]."""

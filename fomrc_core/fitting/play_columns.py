@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.compiled import compiled, compiled_inline, compiled_sums
+from fomrc_core.compute.compiled import compiled_inline, compiled_sums
 from fomrc_core.effects import Effect
 from fomrc_core.operators.creep import (
     CURRENT_WEIGHT,
@@ -25,7 +25,6 @@ from fomrc_core.operators.creep import (
     WEIGHTED_DECAY,
     CreepModes,
     creep_block,
-    integrate,
     prepare_step,
 )
 
@@ -109,53 +108,45 @@ def creep_columns(
         n_skipped: samples before the record, run through but not returned.
         widening: factor of the elements' thresholds, shape (n_samples,); one where not given.
     """
-    if widening is not None:
-        return _widened_columns(columns, modes, drive_v, steps_s, widening)[n_skipped:]
     out = np.empty((drive_v.size - n_skipped, columns.thresholds_v.size))
     block = creep_block(modes)
     drive, steps = np.ascontiguousarray(drive_v), np.ascontiguousarray(steps_s)
     n_changes = int(np.count_nonzero(np.diff(steps)))
     fill = _fill_equal_steps if n_changes <= _FEW_CHANGES * steps.size else _fill_any_steps
-    fill(columns.thresholds_v, columns.knees_v, columns.kinds, block, drive, steps, n_skipped, out)
+    factors = np.ones(drive.size) if widening is None else np.ascontiguousarray(widening)
+    own = (columns.thresholds_v, columns.knees_v, columns.kinds, columns.is_plain)
+    fill(*own, block, drive, factors, steps, n_skipped, out)
     return out
 
 
-def _widened_columns(columns: ColumnKinds, modes: CreepModes, drive_v: Array, steps_s: Array, widening: Array) -> Array:
-    out = np.empty((drive_v.size, columns.thresholds_v.size))
-    one = np.ones(drive_v.size)
-    for j, threshold in enumerate(columns.thresholds_v):
-        factor = widening if columns.owners[j] == "" else one
-        values = np.empty(drive_v.size)
-        _run_widened(float(threshold), float(columns.knees_v[j]), int(columns.kinds[j]), drive_v, factor, values)
-        integrate(creep_block(modes), 0, values, steps_s, values)
-        out[:, j] = values
-    return out
-
-
-@compiled
-def _run_widened(threshold: float, knee: float, kind: int, drive: Array, widening: Array, out: Array) -> None:
-    play, slope = 0.0, 0.0
-    for k in range(drive.size):
-        wide = widening[k] * threshold
-        if play < drive[k] - wide:
-            play, slope = drive[k] - wide, -widening[k]
-        elif play > drive[k] + wide:
-            play, slope = drive[k] + wide, widening[k]
-        out[k] = max(play, knee) - max(0.0, knee) if kind == PLAY else slope
+@compiled_inline
+def _widen(
+    thresholds: Array, is_widened: NDArray[np.bool_], factor: float, widths: Array, per_threshold: Array
+) -> None:
+    for j in range(widths.size):
+        per_threshold[j] = factor if is_widened[j] else 1.0
+        widths[j] = per_threshold[j] * thresholds[j]
 
 
 @compiled_inline
 def _move_plays(
-    thresholds: Array, knees: Array, kinds: NDArray[np.int64], u: float, plays: Array, slopes: Array, now: Array
+    widths: Array,
+    per_threshold: Array,
+    knees: Array,
+    kinds: NDArray[np.int64],
+    u: float,
+    plays: Array,
+    slopes: Array,
+    now: Array,
 ) -> None:
     for j in range(plays.size):
         play = plays[j]
-        if play < u - thresholds[j]:
-            play = u - thresholds[j]
-            slopes[j] = -1.0
-        elif play > u + thresholds[j]:
-            play = u + thresholds[j]
-            slopes[j] = 1.0
+        if play < u - widths[j]:
+            play = u - widths[j]
+            slopes[j] = -per_threshold[j]
+        elif play > u + widths[j]:
+            play = u + widths[j]
+            slopes[j] = per_threshold[j]
         plays[j] = play
         now[j] = (max(play, knees[j]) - max(0.0, knees[j])) if kinds[j] == PLAY else slopes[j]
 
@@ -165,8 +156,10 @@ def _fill_equal_steps(
     thresholds: Array,
     knees: Array,
     kinds: NDArray[np.int64],
+    is_widened: NDArray[np.bool_],
     block: Array,
     drive: Array,
+    widening: Array,
     steps: Array,
     n_skipped: int,
     out: Array,
@@ -174,6 +167,7 @@ def _fill_equal_steps(
     n_columns = thresholds.size
     n_modes = int(block[N_MODES])
     plays, slopes, now, before = (np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns))
+    factor, widths, per_threshold = 1.0, thresholds.copy(), np.ones(n_columns)
     # The shifted modes of creep.py, a row for each mode, padded to whole groups of four with modes that weigh nothing
     n_rows = 4 * ((n_modes + 3) // 4)
     modes = np.zeros((n_rows, n_columns))
@@ -187,7 +181,10 @@ def _fill_equal_steps(
             prepare_step(block, 0, step)
             now_weight = block[CURRENT_WEIGHT]
             before_weight = _reshift(block, modes, before, past, decays, weighted, gains, currents)
-        _move_plays(thresholds, knees, kinds, drive[k], plays, slopes, now)
+        if widening[k] != factor:
+            factor = widening[k]
+            _widen(thresholds, is_widened, factor, widths, per_threshold)
+        _move_plays(widths, per_threshold, knees, kinds, drive[k], plays, slopes, now)
         if k >= n_skipped:
             for j in range(n_columns):
                 out[k - n_skipped, j] = now_weight * now[j] + before_weight * before[j] + past[j]
@@ -244,8 +241,10 @@ def _fill_any_steps(
     thresholds: Array,
     knees: Array,
     kinds: NDArray[np.int64],
+    is_widened: NDArray[np.bool_],
     block: Array,
     drive: Array,
+    widening: Array,
     steps: Array,
     n_skipped: int,
     out: Array,
@@ -262,12 +261,16 @@ def _fill_any_steps(
     before = np.zeros(n_columns)
     total = np.zeros(n_columns)
     modes = np.zeros((n_modes, n_columns))
+    factor, widths, per_threshold = 1.0, thresholds.copy(), np.ones(n_columns)
     step = -1.0
     for k in range(drive.size):
         if steps[k] != step:
             step = steps[k]
             prepare_step(block, 0, step)
-        _move_plays(thresholds, knees, kinds, drive[k], plays, slopes, now)
+        if widening[k] != factor:
+            factor = widening[k]
+            _widen(thresholds, is_widened, factor, widths, per_threshold)
+        _move_plays(widths, per_threshold, knees, kinds, drive[k], plays, slopes, now)
         current, held = block[CURRENT_WEIGHT], block[HELD_WEIGHT]
         for j in range(n_columns):
             total[j] = current * now[j] + held * before[j]

@@ -236,13 +236,13 @@ def predict_passing(
     state, at_creep = relaxed_trial(trial, effects)
     start = trial.start_of(index)
     if start is not None:
-        settle_chain(state, at_creep, effects, start.drive(), record.substeps)
+        settle_chain(state, at_creep, effects, start.drive(), _of_fit(record.substeps))
     seen_um, passage = pass_chain(
         state,
         at_creep,
         effects,
         ElementDrive(record.steps_s, record.voltage_v, None),
-        substeps=Substeps.DIRECTIONS if is_coarser else record.substeps,
+        substeps=Substeps.DIRECTIONS if is_coarser else _of_fit(record.substeps),
         covariates=record.covariates,
         before=before,
     )
@@ -250,3 +250,8 @@ def predict_passing(
     n_parts = record.time_s.size if before is not None and before.since > Stage.MECHANICAL else passage.moved_um.size
     record.tally.add(n_parts * (1 + len(effects)))
     return seen_um, passage
+
+
+def _of_fit(substeps: Substeps) -> Substeps:
+    """Return how a fit divides steps that its model divides so."""
+    return Substeps.FIT if substeps is Substeps.BENDS else substeps

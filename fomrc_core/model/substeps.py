@@ -39,10 +39,15 @@ class Substeps(Enum):
     FEW = "few"  # jumps, in few parts: for directions of a fit
     JUMPS = "jumps"  # jumps alone
     BENDS = "bends"  # every step in which the elements bend, and those after a jump in which creep does
+    FIT = "fit"  # as bends, but what swings slowly in fewer parts, each of which it turns by as little
     DIRECTIONS = "directions"  # for directions of a fit that is measured by bends: jumps, in few parts, and swings
 
 
 MODEL_SUBSTEPS = (Substeps.NONE, Substeps.JUMPS, Substeps.BENDS)  # what a model may have
+
+
+# By how much what swings turns in a part [rad]: a straight line over it is off by an eighth of its square at most.
+_TURNS = {Substeps.FIT: 0.05, Substeps.DIRECTIONS: 0.4}
 
 
 def substeps_of(word: object, effects: tuple[Effect, ...], has_start: bool, where: str) -> Substeps:
@@ -84,9 +89,10 @@ def least_parts(effects: tuple[Effect, ...], steps_s: Array, substeps: Substeps)
     """
     if substeps is Substeps.BENDS:
         return max((effect.least_parts(effects) for effect in effects), default=1)
-    if substeps is Substeps.DIRECTIONS:
-        step_s = float(np.mean(steps_s))
-        return max((effect.parts_of_directions(effects, step_s) for effect in effects), default=1)
+    if substeps in _TURNS:
+        # what is measured is so in its longest step, too; of a direction a usual step will do
+        step_s = float(np.max(steps_s) if substeps is Substeps.FIT else np.mean(steps_s))
+        return max((effect.parts_of_turn(effects, step_s, _TURNS[substeps]) for effect in effects), default=1)
     return 1
 
 
@@ -109,7 +115,7 @@ def parts_of_steps(
     size = np.abs(change_v)
     if substeps is Substeps.NONE:
         return np.ones(size.size, dtype=np.int64), 0.0
-    if substeps is not Substeps.BENDS:
+    if substeps not in (Substeps.BENDS, Substeps.FIT):
         n_parts = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
         return np.maximum(np.where(size > LARGE_CHANGE * scale_v, n_parts, 1), n_least), 0.0
     bent = np.empty(size.size)

@@ -181,12 +181,13 @@ class Effect(Cause):
         """
         return 1
 
-    def parts_of_directions(self, effects: tuple[Effect, ...], step_s: float) -> int:
-        """Return the same where a direction of a fit is asked for, of which some per cent may be missed.
+    def parts_of_turn(self, effects: tuple[Effect, ...], step_s: float, turn: float) -> int:
+        """Return the same where a fit knows its steps, at most as many: what swings slowly needs fewer.
 
         Args:
             effects: all effects of the chain, this one among them.
-            step_s: a usual step [s].
+            step_s: a step [s].
+            turn: by how much what swings may turn in a part [rad].
         """
         return self.least_parts(effects)
 

@@ -10,14 +10,14 @@ from typing import ClassVar
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, ComplexArray
-from fomrc_core.effects.base.effect import Effect, Parameter
+from fomrc_core.effects.base.effect import Effect, Parameter, Stage
+from fomrc_core.effects.base.linear_columns import through_pairs
 from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
 from fomrc_core.effects.base.pairs_beside import pairs_form, undo_pairs
 from fomrc_core.effects.base.step_form import StepForm
 
 LATE, NOT_YET, SWING = 0.0, 1.0, 2.0  # kinds of terms, see ``LinearTerms``
 _N_PARTS_SWINGING = 20  # of each step, as for a resonance that has a name (second_order.py)
-_TURN_OF_DIRECTIONS = 0.4  # [rad] of a swing in a part: a straight line over it is 2 % off at most
 _FAR, _N_FREQUENCIES = 100.0, 2000  # beyond the slowest and the fastest mode, and between, where an inverse is asked
 _ROUNDING = 1e-9  # of an answer
 
@@ -156,9 +156,9 @@ class LinearTerms(Effect):
         """Return many parts where it swings, also while the drive rests: elements follow what it swings by."""
         return _N_PARTS_SWINGING if any(self.swings_per_s) and not self.is_null() else 1
 
-    def parts_of_directions(self, effects: tuple[Effect, ...], step_s: float) -> int:
+    def parts_of_turn(self, effects: tuple[Effect, ...], step_s: float, turn: float) -> int:
         """Return as many parts as let it turn by little in each."""
-        n_parts = math.ceil(max(self.swings_per_s, default=0.0) * step_s / _TURN_OF_DIRECTIONS)
+        n_parts = math.ceil(max(self.swings_per_s, default=0.0) * step_s / turn)
         return max(1, min(n_parts, self.least_parts(effects)))
 
     def initial_state(self) -> Array:
@@ -170,6 +170,12 @@ class LinearTerms(Effect):
         out = np.empty(values.size)
         run_pairs(state, *self._modes(), values, steps_s, out)
         return out + self.through * values
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the changes with the terms, where they follow displacement, (n_samples, n_changes)."""
+        if self.stage is not Stage.MECHANICAL:
+            return changes
+        return through_pairs(*self._modes(), self.through, changes, steps_s)
 
     def invert(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the values before this effect, to rounding where ``can_invert``."""

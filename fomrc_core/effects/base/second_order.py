@@ -10,7 +10,8 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, ComplexArray
 from fomrc_core.compute.compiled import compiled
-from fomrc_core.effects.base.effect import Effect
+from fomrc_core.effects.base.effect import Effect, Stage
+from fomrc_core.effects.base.linear_columns import through_pairs
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
 _FLAT = math.sqrt(0.5)  # damping ratio from which on a response has no peak
@@ -18,7 +19,6 @@ _FLAT = math.sqrt(0.5)  # damping ratio from which on a response has no peak
 # Of what rings at a third of the sample rate a straight line over a fifth of a sample is 2 % off, over a twentieth
 # 0.1 %.
 _N_PARTS_RINGING = 20
-_TURN_OF_DIRECTIONS = 0.4  # [rad] of a swing in a part: a straight line over it is 2 % off at most
 
 
 @compiled
@@ -104,9 +104,9 @@ class SecondOrder(Effect):
         """
         return 1 if self.is_null() else _N_PARTS_RINGING
 
-    def parts_of_directions(self, effects: tuple[Effect, ...], step_s: float) -> int:
+    def parts_of_turn(self, effects: tuple[Effect, ...], step_s: float, turn: float) -> int:
         """Return as many parts as let it turn by little in each."""
-        n_parts = math.ceil(2.0 * math.pi * self.frequency_hz * step_s / _TURN_OF_DIRECTIONS)
+        n_parts = math.ceil(2.0 * math.pi * self.frequency_hz * step_s / turn)
         return max(1, min(n_parts, self.least_parts(effects)))
 
     def initial_state(self) -> Array:
@@ -121,6 +121,18 @@ class SecondOrder(Effect):
         if self.share != 1.0:
             out = values + self.share * (out - values)
         return out if self.rate_share == 0.0 else out + self.rate_share / omega * rate
+
+    def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
+        """Return the response to each change of a displacement, (n_samples, n_changes)."""
+        if self.stage is not Stage.MECHANICAL:
+            return changes
+        omega = 2.0 * math.pi * self.frequency_hz
+        damped = omega * math.sqrt(1.0 - self.damping_ratio**2)
+        pole = complex(-self.damping_ratio * omega, damped)
+        # of both poles' modes, each the other's conjugate, the real part of twice the one
+        gain = 1j * (self.share * omega * omega + self.rate_share * omega * pole) / (damped * pole)
+        poles, gains = np.array([[pole.real, pole.imag]]), np.array([[gain.real, gain.imag]])
+        return through_pairs(poles, gains, 1.0 - self.share, changes, steps_s)
 
     def response(self, frequency_hz: Array) -> ComplexArray:
         """Return 1 - p + (p w^2 + i q w v) / (w^2 - v^2 + 2 i d w v) [1] at frequencies [Hz], of the shares p and q."""

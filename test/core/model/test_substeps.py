@@ -43,6 +43,7 @@ from fomrc_core.effects.unnamed_temperature import UnnamedTemperature
 from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
+from fomrc_core.model.simulation import relaxed_state, run_chain
 from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, least_parts, parts_of_steps, subdivide
 
 _KAPPA, _SATURATION, _ORDER = [10.0, 25.0, 50.0, 1.3], [0.05, 0.1, 0.04], 0.03
@@ -59,6 +60,27 @@ def test_for_a_direction_a_swing_is_divided_as_far_as_it_turns() -> None:
     assert _n_least(_RINGING, Substeps.DIRECTIONS, 1e-4) == 1
     assert _n_least(_RINGING, Substeps.DIRECTIONS, 1.0) == _n_least(_RINGING)
     assert _n_least(_LAGGING, Substeps.DIRECTIONS) == 1
+
+
+def test_for_a_fit_a_swing_is_divided_as_far_as_it_turns_and_no_further_than_in_its_model() -> None:
+    assert _n_least(_RINGING, Substeps.FIT, 1e-4) == 4  # 0.197 rad a step, in parts of 0.05
+    assert _n_least(_RINGING, Substeps.FIT, 1e-3) == _n_least(_RINGING)
+    assert _n_least(_LAGGING, Substeps.FIT) == 1
+    hold = effect_classes()["zero_order_hold"](1e-4)  # type: ignore[call-arg]
+    # its jumps are spread over a part, however slowly what sees them swings
+    assert least_parts((hold, _RINGING), np.full(3, 1e-4), Substeps.FIT) > 4
+
+
+@pytest.mark.parametrize("frequency_hz", [5.0, 40.0, 160.0])
+def test_a_fit_follows_a_swing_as_its_model_does(frequency_hz: float) -> None:
+    effect = effect_classes()["mechanical_resonance"](frequency_hz, 0.02)  # type: ignore[call-arg]
+    model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, (effect,), None, Substeps.BENDS)
+    drive_v = np.repeat(np.random.default_rng(7).uniform(-50.0, 50.0, 30), 50)
+    steps_s = np.full(drive_v.size, 1e-3)
+    wanted_um = model.simulate(steps_s, drive_v)
+    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
+    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
+    assert float(np.std(fitted_um - wanted_um)) < 3e-5 * float(np.ptp(wanted_um))
 
 
 def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
