@@ -94,11 +94,10 @@ class TransportDelay(Effect):
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
         """Return the delayed changes, (n_samples, n_changes)."""
-        if self.is_null():
-            return changes
         times_s = np.cumsum(steps_s)
         wanted_s = times_s - self.delay_s
-        later = np.searchsorted(times_s, wanted_s, side="right")
+        # nothing is younger than the sample itself, where a delay is lost in the rounding of its time
+        later = np.minimum(np.searchsorted(times_s, wanted_s, side="right"), np.arange(times_s.size))
         earlier_s = np.where(later > 0, times_s[later - 1], 0.0)
         share = np.maximum(wanted_s - earlier_s, 0.0) / (times_s[later] - earlier_s)
         return read_between(changes, later, share)

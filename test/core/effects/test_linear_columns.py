@@ -18,6 +18,8 @@ EFFECTS: list[tuple[str, dict[str, float]]] = [
     ("mechanical_resonance", {"frequency_hz": 90.0, "damping_ratio": 0.02}),
     ("mechanical_resonance", {"frequency_hz": 90.0, "damping_ratio": 0.999}),
     ("second_mode", {"frequency_hz": 70.0, "damping_ratio": 0.05, "participation": 0.1, "rate_share": 0.01}),
+    ("transport_delay", {"delay_s": 0.0}),
+    ("transport_delay", {"delay_s": 1e-20}),
     ("transport_delay", {"delay_s": 0.0003}),
     ("transport_delay", {"delay_s": 0.0213}),
     ("transport_delay", {"delay_s": 1.0}),
