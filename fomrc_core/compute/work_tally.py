@@ -17,10 +17,10 @@ class WorkTally:
 
     @property
     def n_done(self) -> int:
-        """Samples simulated so far, each as often as a stage of a chain went over it [1]."""
+        """Operations so far, one for each play and each mode of a simulated part of a step [1]."""
         return self._n_done
 
-    def add(self, n_samples: int) -> None:
-        """Count so many samples more."""
+    def add(self, n_operations: int) -> None:
+        """Count so many operations more."""
         with self._lock:
-            self._n_done += n_samples
+            self._n_done += n_operations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import refollowed
 from fomrc_core.diagnosis.screening import HeldView, Screened
-from fomrc_core.diagnosis.within_reach import Reach, foreseen_gain, may_be_found
+from fomrc_core.diagnosis.within_reach import BESIDE_ONE_AT_REST, Reach, foreseen_gain, may_be_found
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
@@ -148,6 +148,8 @@ def refitted(
     if standing is not None:
         least_um2 = min(least_um2, standing.fitted.squared_error)
     reach = _reach(present, split, begun, least_um2)
+    if standing is not None:
+        reach = replace(reach, most_log_ratio=BESIDE_ONE_AT_REST)
     tasks = [(present, split, first, reach) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
     # no two are compared before they have come to rest

@@ -6,7 +6,7 @@ A cause is accepted while others are still hidden, and what those hide of one ca
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -54,6 +54,7 @@ def looked_at_last(
     causes: Sequence[str],
     executor: Executor | None,
     is_hasty: bool = False,
+    may_ask: Callable[[], bool] = lambda: True,
 ) -> LastLook:
     """Return the acceptances beside those that might stand in their places at the end.
 
@@ -66,7 +67,10 @@ def looked_at_last(
         causes: names to try.
         executor: runs refits side by side where given.
         is_hasty: whether only those are asked of which nobody was sure when they were accepted.
+        may_ask: whether one more may be asked for: what is left uncompared has no margin, for what it was while others
+            were hidden says nothing beside them.
     """
+    # Many arguments: one search, looked at from without, and how far.
     found = frozenset(step.accepted.cause for step in steps)
     looked = [step.tied_but_for(found) for step in steps]
     for at, step in enumerate(steps):
@@ -80,6 +84,9 @@ def looked_at_last(
         if (is_bound and not math.isnan(step.margin)) or not cause_classes()[name].is_exchangeable:
             continue
         if not final.model.has(name):
+            continue
+        if not may_ask():
+            looked[at] = replace(step, margin=math.nan, whitened_margin=math.nan)
             continue
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
         # the first of such a pair is only compared: nothing takes its place

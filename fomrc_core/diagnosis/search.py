@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
@@ -140,13 +141,10 @@ def _last_look(
     # In a loop that only repeats whatever did nearly as well is tied already.
     if not split.is_telling:
         return LastLook(state.steps, None)
-    if len(state.steps) > 1 and not budget.allows(COMPARED):
-        # what a margin was while others were hidden says nothing beside them: only the last has one
-        uncompared = (replace(step, margin=math.nan, whitened_margin=math.nan) for step in state.steps[:-1])
-        return LastLook((*uncompared, state.steps[-1]), None)
     # Where much is left nothing is explained, whoever does as well: there it is asked for a way on.
     is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um2
-    return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left)
+    may_ask = partial(budget.allows, COMPARED)
+    return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left, may_ask=may_ask)
 
 
 def _asked(

@@ -16,6 +16,9 @@ from fomrc_core.fitting.joint_fit import Refit
 MORE_ITERATIONS = 6  # of a start worth going on with
 # In the logarithm of the mean squared error: twice the rms after some iterations is another valley, whatever is left.
 _HOPELESS = math.log(4.0)
+# The same beside one that is at rest, its plays chosen beside all that was found: who would take its place has to leave
+# no more than it does, and all else is there by now that could hide how well it does.
+BESIDE_ONE_AT_REST = math.log(2.0)
 # Of what the best explains: plays that have bent to it are chosen anew beside each cause, and so much may be theirs.
 _MAY_BE_PLAYS = 0.5
 
@@ -37,18 +40,20 @@ class Reach:
         before_um2: sum of squares of the model before [um^2].
         least_um2: the least sum of squares of all causes after their first iterations [um^2].
         n_independent: number of samples, counted as independent ones.
+        most_log_ratio: by how much more one may leave at most, in the logarithm of the squared error.
     """
 
     before_um2: float
     least_um2: float
     n_independent: float
+    most_log_ratio: float = _HOPELESS
 
     @property
     def log_ratio(self) -> float:
         """By how much more than the best one may leave, in the logarithm of the squared error."""
         gained = max(math.log(self.before_um2 / self.least_um2), 0.0)
         sure = 2.0 * SURE / max(self.n_independent, 1.0)
-        return min(max(sure, _MAY_BE_PLAYS * gained), _HOPELESS)
+        return min(max(sure, _MAY_BE_PLAYS * gained), self.most_log_ratio)
 
     def holds(self, fitted: Refit) -> bool:
         """Return whether a fit that goes on may come near the best in training."""

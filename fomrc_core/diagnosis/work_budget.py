@@ -1,4 +1,4 @@
-"""How much work a search may be, counted in simulated samples: what is left out beyond it is told in the answer.
+"""How much work a search may be, counted in operations of simulations: what is left out is told in the answer.
 
 A search asks as long as something is left, and each question costs more the more has been found. Where a record holds
 what no cause in the library explains, that would never be answered, and yet the dearest questions are asked of it: two
@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.judgement import Status
 
-# Samples that a stage of a chain went over, times stages [1]. Some 4e7 to 6e7 are a second of a processor of 2020, so
-# that a search is mostly done within a minute; an effect that divides steps further than the chain costs more than it
-# counts. What was found is compared where no more could be sought: a name that is sure is worth more than one more.
-_FOR_PAIRS = 1.0e9
-_FOR_FIRST_PAIRS = 2.0e9  # where nothing has been found a pair is the last that may be
-_FOR_CAUSES = 2.0e9
-_FOR_NAMES = 4.0e9
+# Plays and modes that simulations went over, times parts of steps [1]. Some 1e9 to 2e9 are a second of a processor of
+# 2020, so that a search is mostly done within a minute. What was found is compared where no more could be sought: a
+# name that is sure is worth more than one more.
+_FOR_PAIRS = 2.0e10
+_FOR_FIRST_PAIRS = 4.0e10  # where nothing has been found a pair is the last that may be
+_FOR_CAUSES = 4.0e10
+_FOR_NAMES = 6.0e10
 
 PAIRS = "two causes at once were not sought to the end"
 CAUSES = "no further causes were sought"
@@ -44,7 +44,7 @@ class WorkBudget:
     """What a search has left.
 
     Attributes:
-        n_done: returns the samples simulated since it began [1].
+        n_done: returns the operations since it began [1].
         left_out: what was not done, in words, each once; the one thing here that changes.
     """
 

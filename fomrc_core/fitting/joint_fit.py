@@ -43,6 +43,7 @@ _MOST_DIFFERENCES = 4  # tried for a direction, until one is neither rounding no
 _PATIENCE = 4  # iterations before a start may be given up
 _N_LINEAR_STEPS = 2  # the columns are linear but for the creep order, which hardly moves
 _HARDLY_LESS = 0.99
+_STILL = 1e-3  # in the logarithm of the sum of squares: what tells models apart is thirty times as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +277,11 @@ def refit(
 
 def fit_until_still(chain: TrialModel, records: tuple[FitRecord, ...], executor: Executor | None = None) -> Refit:
     """Return the joint refit with plays and directions chosen anew, until it moves no more."""
+    before_um2 = squared_error(records, residuals(chain, records))
     fitted = refit(rebased(chain, records), records, executor=executor)
+    is_still = fitted.is_converged and abs(math.log(before_um2 / fitted.squared_error)) < _STILL
+    if is_still and not any(effect.is_scanned for effect in chain.effects):
+        return fitted  # with what has not moved the same plays would be chosen once more
     chain = _scanned_again(fitted.model, records)
     return refit(rebased(chain, records), records, n_iterations=8, executor=executor)
 

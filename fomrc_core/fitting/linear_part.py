@@ -12,7 +12,14 @@ from fomrc_core.compute.pulse import beat
 from fomrc_core.effects import Effect, Stage
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds, creep_columns
-from fomrc_core.fitting.trial_model import FIT_ACCURACY, TrialModel, fit_modes, predict, relaxed_trial
+from fomrc_core.fitting.trial_model import (
+    FIT_ACCURACY,
+    OPERATIONS_OF_EFFECT,
+    TrialModel,
+    fit_modes,
+    predict,
+    relaxed_trial,
+)
 from fomrc_core.model.simulation import (
     ElementDrive,
     before_record,
@@ -108,7 +115,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     modes = fit_modes(trial)
     columns = creep_columns(trial.columns, modes, voltage_v, steps_s, n_skipped, widening)
     beat("simulations", columns.shape[1])
-    record.tally.add(columns.size * (1 + len(effects)) // _COLUMNS_AT_ONCE)
+    record.tally.add(columns.size * (modes.n_modes + OPERATIONS_OF_EFFECT * len(effects) // _COLUMNS_AT_ONCE))
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before

@@ -19,11 +19,12 @@ from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import Before, ElementDrive, Passage, pass_chain, relaxed_state, settle_chain
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps
-from fomrc_core.operators.creep import SHORTEST_TIME_S, CreepModes, creep_modes
+from fomrc_core.operators.creep import N_MODES, SHORTEST_TIME_S, CreepModes, creep_modes
 from fomrc_core.operators.hysteresis import OperatorSum
 
 # Of the creep modes, at the worst order; the error is in proportion to the order, so at 0.02 it is some 1e-6.
 FIT_ACCURACY = 1e-4
+OPERATIONS_OF_EFFECT = 16  # a part of a step costs an effect about as much as so many plays or modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,8 +248,11 @@ def predict_passing(
         before=before,
     )
     # what was taken from the run before was not simulated again
-    n_parts = record.time_s.size if before is not None and before.since > Stage.MECHANICAL else passage.moved_um.size
-    record.tally.add(n_parts * (1 + len(effects)))
+    since = Stage.SAMPLED_DRIVE if before is None else before.since
+    n_parts = record.time_s.size if since > Stage.MECHANICAL else passage.moved_um.size
+    n_plays = 0 if since > Stage.HYSTERESIS else trial.columns.thresholds_v.size
+    n_modes = 0 if since > Stage.HYSTERESIS else int(state.packed[at_creep + N_MODES])
+    record.tally.add(n_parts * (n_plays + n_modes + OPERATIONS_OF_EFFECT * len(effects)))
     return seen_um, passage
 
 

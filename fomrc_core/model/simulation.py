@@ -149,6 +149,8 @@ def _divided(
         if largest_v is None:
             n_plays = int(state.packed[N_PLAYS])
             largest_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
+        if is_held and substeps is Substeps.FIT:
+            substeps = Substeps.BENDS  # every step is a jump, spread over one of its parts
         parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, n_least, substeps, state.bend)
         if np.any(parts > 1):
             steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)

@@ -29,6 +29,20 @@ BEND_AFTER = 0.1
 BEND_FADES = 0.5
 
 
+@compiled
+def _fading_turns(change: Array, out: Array) -> None:
+    # what follows a turn with some steps' delay turns the less the longer it takes
+    turn, n_steps, before = 0.0, 1.0, 0.0
+    for k in range(change.size):
+        now = abs(change[k] - before)
+        before = change[k]
+        if now >= turn / (n_steps + 1.0):
+            turn, n_steps = now, 1.0
+        else:
+            n_steps += 1.0
+        out[k] = turn / n_steps
+
+
 class Substeps(Enum):
     """How finely a model divides steps, within which the drive is linear.
 
@@ -39,12 +53,19 @@ class Substeps(Enum):
     FEW = "few"  # jumps, in few parts: for directions of a fit
     JUMPS = "jumps"  # jumps alone
     BENDS = "bends"  # every step in which the elements bend, and those after a jump in which creep does
-    FIT = "fit"  # as bends, but what swings slowly in fewer parts, each of which it turns by as little
+    FIT = "fit"  # as bends, but where a drive goes straight on, or what swings does so slowly, in fewer parts
     DIRECTIONS = "directions"  # for directions of a fit that is measured by bends: jumps, in few parts, and swings
 
 
 MODEL_SUBSTEPS = (Substeps.NONE, Substeps.JUMPS, Substeps.BENDS)  # what a model may have
 
+
+# Of a fit, which goes over a record some thousand times. A lag behind a drive that goes straight on has no bend; where
+# the drive turns it turns later, within a step whose end does not show how far it went, and plays remember how far.
+# So fits divide steps by their turns. Where the drive goes straight on the plays' bend is left, which a sensor that is
+# late sees between samples; it goes with the square of the change. A model is met to some millionths of the stroke.
+TURN = 2e-3  # of the largest threshold, change from step to step
+STRAIGHT = 5e-3  # of the same, change within a part
 
 # By how much what swings turns in a part [rad]: a straight line over it is off by an eighth of its square at most.
 _TURNS = {Substeps.FIT: 0.05, Substeps.DIRECTIONS: 0.4}
@@ -122,6 +143,11 @@ def parts_of_steps(
     bend_v = _with_bend_after(size, bend_v, bent)
     parts = np.where(bent > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1)
     parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
+    if substeps is Substeps.FIT:
+        turns = np.empty(size.size)
+        _fading_turns(np.ascontiguousarray(change_v), turns)
+        asked = np.maximum(bent / (STRAIGHT * scale_v), turns / (TURN * scale_v))
+        parts = np.minimum(parts, np.ceil(np.clip(asked, 1.0, N_PARTS_LARGE)).astype(np.int64))
     return np.maximum(parts, n_least), bend_v
 
 

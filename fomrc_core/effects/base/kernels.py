@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.compiled import compiled
+from fomrc_core.compute.compiled import compiled, compiled_sums
 
 Array = NDArray[np.float64]
 
@@ -201,24 +201,31 @@ def knee_sum(block: Array, value: float, is_kept: bool) -> float:
     return total
 
 
-@compiled
+@compiled_sums
 def run_knees(block: Array, values: Array, out: Array) -> None:
-    """Fill ``out`` with ``knee_sum`` of each input, shape (n_samples,)."""
+    """Fill ``out`` with ``knee_sum`` of each input, to rounding, shape (n_samples,); the plays move on."""
     n_plays = int(block[0])
     thresholds, knees = block[1 : 1 + n_plays], block[1 + n_plays : 1 + 2 * n_plays]
     weights, plays = block[1 + 2 * n_plays : 1 + 3 * n_plays], block[1 + 3 * n_plays : 1 + 4 * n_plays]
-    terms = np.empty(n_plays)
+    if np.all(knees == -np.inf):
+        # plain plays, of which nothing is cut off, take half the time
+        for k in range(values.size):
+            value = values[k]
+            total = 0.0
+            for j in range(n_plays):
+                play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
+                plays[j] = play
+                total += weights[j] * play
+            out[k] = total
+        return
     floors = np.empty(n_plays)
     for j in range(n_plays):
         floors[j] = max(0.0, knees[j])
     for k in range(values.size):
         value = values[k]
-        # Apart from their sum, which has its order, the plays go side by side in the processor: twice as fast.
+        total = 0.0
         for j in range(n_plays):
             play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
             plays[j] = play
-            terms[j] = weights[j] * (max(play, knees[j]) - floors[j])
-        total = 0.0
-        for j in range(n_plays):
-            total += terms[j]
+            total += weights[j] * (max(play, knees[j]) - floors[j])
         out[k] = total

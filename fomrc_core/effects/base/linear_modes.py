@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.compute.compiled import compiled
+from fomrc_core.compute.compiled import compiled, compiled_sums
 from fomrc_core.effects.base.kernels import lag_shares
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
@@ -26,27 +26,30 @@ def modes_at_rest(n_modes: int) -> Array:
     return np.zeros(1 + n_modes)
 
 
-@compiled
+@compiled_sums
 def run_modes(
     state: Array, rates_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
 ) -> None:
     """Fill ``out`` with the response of real modes, shape (n_samples,); the state moves on."""
     n_modes = rates_per_s.size
     gone, ramps = np.empty(n_modes), np.empty(n_modes)
+    before, modes = state[0], state[1 : 1 + n_modes]
     step = -1.0
     for k in range(values.size):
         if steps_s[k] != step:
             step = steps_s[k]
             for j in range(n_modes):
                 gone[j], ramps[j] = lag_shares(step * rates_per_s[j])
-        before, now = state[0], values[k]
-        total = through * now
+        now = values[k]
+        rise = now - before
+        total = 0.0
         for j in range(n_modes):
-            mode = state[1 + j] + (ramps[j] * now + (gone[j] - ramps[j]) * before - gone[j] * state[1 + j])
-            state[1 + j] = mode
+            mode = modes[j] + (ramps[j] * rise + gone[j] * (before - modes[j]))
+            modes[j] = mode
             total += gains[j] * mode
-        state[0] = now
-        out[k] = total
+        before = now
+        out[k] = through * now + total
+    state[0] = before
 
 
 @compiled

@@ -12,6 +12,7 @@ from fomrc_core.compute.least_squares import (
     non_negative_fit,
     non_negative_weights,
     normal_equations,
+    product,
     signed_weights,
     variances_of,
     whitening_of,
@@ -34,6 +35,16 @@ def test_the_solution_is_that_of_the_stacked_used_samples() -> None:
     target = np.concatenate([t[u] for _, t, u in records])
     expected = np.linalg.lstsq(stacked, target, rcond=None)[0]
     assert normal_equations(records).solution() == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("n_signals", [0, 1, 3, 4])
+def test_a_product_is_that_of_the_used_samples_alone(n_signals: int) -> None:
+    for columns, target, is_used in _records():
+        signals = _RNG.standard_normal((target.size, n_signals)) if n_signals else target
+        found = product(columns, signals, is_used)
+        np.testing.assert_allclose(found, columns[is_used].T @ signals[is_used], rtol=1e-12, atol=1e-12)
+        own = product(columns, columns, is_used)
+        np.testing.assert_allclose(own, columns[is_used].T @ columns[is_used], rtol=1e-12, atol=1e-12)
 
 
 def test_normal_equations_of_no_records_are_refused() -> None:

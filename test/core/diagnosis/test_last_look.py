@@ -88,6 +88,17 @@ def test_the_margin_is_that_beside_all_others(split: DataSplit, monkeypatch: pyt
     assert steps[1].margin == 50.0, "the last was accepted beside all the others"
 
 
+def test_what_may_not_be_compared_any_more_has_no_margin(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
+    monkeypatch.setattr(last_look, "_in_place_of", lambda *_: pytest.fail("asked all the same"))
+    hidden = Step(own.fitted.model, own, (), (), margin=0.4)
+    last = Step(own.fitted.model, _candidate(split, "dead_zone", 1.0, 1), (), (), margin=50.0)
+    look = looked_at_last((hidden, last), own.fitted, split, (), None, may_ask=lambda: False)
+    assert math.isnan(look.steps[0].margin)
+    assert look.steps[1].margin == 50.0
+    assert look.better is None
+
+
 def test_beside_nobody_a_margin_is_what_the_cause_gains(split: DataSplit) -> None:
     own = _candidate(split, "cyclic_sensor_error", 18.0, 1)
     n_samples = np.count_nonzero(split.train[0].is_used) + own.held[0].size

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.held_out_score import SURE, HeldOutScore
-from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, may_be_found
+from fomrc_core.diagnosis.within_reach import BESIDE_ONE_AT_REST, MORE_ITERATIONS, Reach, may_be_found
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -44,6 +44,13 @@ def test_one_that_still_falls_is_followed() -> None:
 def test_beside_a_large_gain_half_of_it_may_be_the_plays(gained: float, largest: float) -> None:
     reach = Reach(1.0, math.exp(-gained), 1e5)
     assert reach.log_ratio == pytest.approx(largest)
+
+
+def test_beside_one_at_rest_nobody_is_followed_who_leaves_twice_as_much() -> None:
+    reach = Reach(1.0, math.exp(-10.0), 1e5, BESIDE_ONE_AT_REST)
+    assert reach.holds(_begun(1.9 * math.exp(-10.0)))
+    assert not reach.holds(_begun(2.1 * math.exp(-10.0)))
+    assert reach.holds(_begun(4.0 * math.exp(-10.0), last_log_gain=0.2)), "it still falls"
 
 
 def test_one_that_has_fallen_behind_may_be_a_finding_on_held_out_data() -> None:

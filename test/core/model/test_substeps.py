@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,16 @@ from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.errors import InputError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.simulation import relaxed_state, run_chain
-from fomrc_core.model.substeps import N_PARTS_LARGE, N_SUBSTEPS, Substeps, least_parts, parts_of_steps, subdivide
+from fomrc_core.model.substeps import (
+    N_PARTS_LARGE,
+    N_SUBSTEPS,
+    STRAIGHT,
+    TURN,
+    Substeps,
+    least_parts,
+    parts_of_steps,
+    subdivide,
+)
 
 _KAPPA, _SATURATION, _ORDER = [10.0, 25.0, 50.0, 1.3], [0.05, 0.1, 0.04], 0.03
 _RINGING = effect_classes()["mechanical_resonance"](314.0, 0.0157)  # type: ignore[call-arg]
@@ -81,6 +91,68 @@ def test_a_fit_follows_a_swing_as_its_model_does(frequency_hz: float) -> None:
     state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
     fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
     assert float(np.std(fitted_um - wanted_um)) < 3e-5 * float(np.ptp(wanted_um))
+
+
+def _parts_of_fit(change: np.ndarray) -> np.ndarray:
+    return parts_of_steps(change, 1.0, 1, Substeps.FIT)[0]
+
+
+def test_a_fit_divides_steps_where_the_drive_turns_and_where_it_jumps() -> None:
+    straight = np.concatenate((np.full(400, 0.004), np.full(400, -0.004)))
+    parts = _parts_of_fit(straight)
+    # from rest on it goes straight, then turns by twice as much; what is late to follow turns some steps later by less
+    assert parts[400] == math.ceil(0.008 / TURN)
+    assert np.all(np.diff(parts[400:]) <= 0)
+    assert parts[399] == parts[-1] == 1
+    # its model divides every step
+    assert np.all(parts_of_steps(straight, 1.0, 1, Substeps.BENDS)[0] == N_SUBSTEPS)
+    assert _parts_of_fit(np.array([0.0, 0.5, 0.0]))[1] == N_PARTS_LARGE
+    assert np.all(_parts_of_fit(np.full(50, 1.5 * STRAIGHT))[20:] == 2), "the plays bend"
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=30))
+def test_a_fit_divides_no_step_further_than_its_model(changes: list[float]) -> None:
+    change = np.array(changes)
+    assert np.all(_parts_of_fit(change) <= parts_of_steps(change, 1.0, 1, Substeps.BENDS)[0])
+
+
+def test_a_fit_divides_a_held_drive_as_its_model_does() -> None:
+    hold = effect_classes()["zero_order_hold"](2.0)  # type: ignore[call-arg]
+    lag = effect_classes()["amplifier_bandwidth"](30.0)  # type: ignore[call-arg]
+    model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, (hold, lag), None, Substeps.BENDS)
+    drive_v, steps_s = 40.0 * np.sin(np.arange(600) / 40.0), np.full(600, 1e-3)
+    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
+    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
+    np.testing.assert_array_equal(fitted_um, model.simulate(steps_s, drive_v))
+
+
+_LATE = {
+    "amplifier_bandwidth": {"cutoff_hz": 40.0},
+    "unequal_lag": {"rising_s": 0.002, "falling_s": 0.005},
+    "sensor_bandwidth": {"cutoff_hz": 60.0, "n_poles": 2.0},
+    "transport_delay": {"delay_s": 0.4e-3},
+    "slow_relaxation": {"amplitude": 0.03, "time_constant_s": 0.05},
+}
+
+
+@pytest.mark.parametrize("name", _LATE)
+def test_a_fit_is_as_close_to_the_course_of_a_drive_that_turns_as_its_model(name: str) -> None:
+    effect = effect_classes()[name].from_mapping(_LATE[name], where=name)
+    model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, (effect,), None, Substeps.BENDS)
+    # triangles of many sizes, some 0.4 % of the largest threshold a step: loops whose turns the plays remember
+    ends_v = np.cumsum(np.random.default_rng(3).uniform(10.0, 60.0, 30) * (-1.0) ** np.arange(30))
+    ways = np.concatenate(([0], np.cumsum(np.abs(np.diff(ends_v, prepend=0.0)) / 0.08).astype(int)))
+    drive_v = np.interp(np.arange(1, ways[-1] + 1), ways, np.concatenate(([0.0], ends_v)))
+    steps_s, factor = np.full(drive_v.size, 1e-3), 40
+    fine_v = np.interp(
+        np.arange(1, drive_v.size * factor + 1) / factor, np.arange(drive_v.size + 1), np.append(0.0, drive_v)
+    )
+    fine_um = model.simulate(np.full(fine_v.size, 1e-3 / factor), fine_v)[factor - 1 :: factor]
+    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
+    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
+    assert float(np.std(fitted_um - fine_um)) < 1e-5 * float(np.ptp(fine_um))
+    whole = parts_of_steps(np.diff(drive_v, prepend=0.0), 20.0, 1, Substeps.BENDS)[0]
+    assert np.sum(_parts_of_fit(np.diff(drive_v, prepend=0.0) / 20.0)) < 0.5 * np.sum(whole)
 
 
 def test_the_steps_after_a_jump_are_divided_until_creep_is_straight() -> None:
