@@ -126,7 +126,7 @@ def product(columns: Array, signals: Array, is_used: Mask) -> Array:
     # zeroing the one signal costs nothing beside copying the used rows of all columns
     masked = signals if np.all(is_used) else np.where(is_used if signals.ndim == 1 else is_used[:, None], signals, 0.0)
     if signals is columns:
-        return np.asarray(masked.T @ masked)  # half of a symmetric product is enough
+        columns = masked  # the same on both sides: half of a symmetric product is enough
     # few signals beside many columns: twice as fast from this side
     return np.asarray(columns.T @ masked if signals.ndim == 1 else (masked.T @ columns).T)
 
