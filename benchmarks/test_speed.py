@@ -9,14 +9,19 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from benchmarks.subjects import MODEL_FILE, ROOT, STEP_S, drive, record, table_1
 from fomrc_core.effects import Effect
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.base.kernels import knee_block, run_knees
+from fomrc_core.effects.base.linear_modes import logarithmic_modes, modes_at_rest, run_modes
 from fomrc_core.effects.clock_skew import ClockSkew
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.model.compensator import Compensator
+from fomrc_core.model.simulation import relaxed_state, run_chain
+from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import creep_block, integrate
 from fomrc_core.operators.hysteresis import hysteresis_block, move_plays_batch, move_stops_batch
 
@@ -67,6 +72,31 @@ def test_columns_of_a_fit(benchmark, effect, way):
     columns = np.random.default_rng(0).standard_normal((N // 10, 60)).cumsum(axis=0)
     linearized = effect.linearized if way == "side by side" else functools.partial(Effect.linearized, effect)
     benchmark(linearized, columns, np.full(N // 10, STEP_S))
+
+
+@pytest.mark.parametrize("knee_v", [-np.inf, 5.0], ids=["plain", "kneed"])
+def test_plays_of_an_effect(benchmark, model, knee_v):
+    form = model.play_form
+    block = knee_block(form.thresholds, np.full(form.thresholds.size, knee_v), form.weights)
+    benchmark(run_knees, block, drive(N)[1], np.empty(N))
+
+
+def test_real_modes_of_an_effect(benchmark):
+    rates_per_s, gains = logarithmic_modes(STEP_S)
+    steps, values = drive(N)
+    benchmark(run_modes, modes_at_rest(rates_per_s.size), rates_per_s, gains, 1.0, values, steps, np.empty(N))
+
+
+@pytest.mark.parametrize("substeps", [Substeps.BENDS, Substeps.FIT], ids=lambda substeps: substeps.value)
+def test_a_run_of_a_fit(benchmark, model, substeps):
+    # triangles of some 0.4 % of the largest threshold a step: as a model divides their steps, and as a fit does
+    steps, voltage = np.full(N // 10, STEP_S), scipy.signal.sawtooth(2.0 * np.pi * np.arange(N // 10) / 500.0, 0.5)
+
+    def run():
+        state, at_creep = relaxed_state(model.play_form, model.creep_modes, ())
+        return run_chain(state, at_creep, (), steps, model.play_form.thresholds[-1] * voltage, substeps=substeps)
+
+    benchmark(run)
 
 
 @pytest.mark.parametrize("direction", ["forward", "inverse"])

@@ -144,12 +144,7 @@ def refitted(
     """Return the causes of these trial instances after their joint refits, the most gaining first."""
     run = map if executor is None else executor.map
     begun = [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
-    least_um2 = min((first.fits[0][0].squared_error for first in begun), default=math.inf)
-    if standing is not None:
-        least_um2 = min(least_um2, standing.fitted.squared_error)
-    reach = _reach(present, split, begun, least_um2)
-    if standing is not None:
-        reach = replace(reach, most_log_ratio=BESIDE_ONE_AT_REST)
+    reach = _reach(present, split, begun, standing)
     tasks = [(present, split, first, reach) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]
     # no two are compared before they have come to rest
@@ -243,13 +238,16 @@ def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
     return HeldView.of(model, apart[0]) if apart else None
 
 
-def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], least_um2: float) -> Reach:
-    """Return how far behind the best those that have begun may be."""
+def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], standing: Candidate | None) -> Reach:
+    """Return how far behind the best, or behind one that stands at rest, those that have begun may be."""
     closest = min((first.fits[0][0] for first in begun), key=lambda fitted: fitted.squared_error, default=None)
     left_um = present.residuals_um if closest is None else closest.residual
+    known = [closest, None if standing is None else standing.fitted]
+    least_um2 = min((fitted.squared_error for fitted in known if fitted is not None), default=math.inf)
     # what noise is left of it is no one's gain
     least_um2 = max(least_um2, split.noise_um2)
-    return Reach(present.squared_error, least_um2, split.n_used / residual_inflation(left_um, split.train))
+    reach = Reach(present.squared_error, least_um2, split.n_used / residual_inflation(left_um, split.train))
+    return reach if standing is None else replace(reach, most_log_ratio=BESIDE_ONE_AT_REST)
 
 
 def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, Reach]) -> Candidate | None:

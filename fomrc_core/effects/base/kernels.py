@@ -207,17 +207,6 @@ def run_knees(block: Array, values: Array, out: Array) -> None:
     n_plays = int(block[0])
     thresholds, knees = block[1 : 1 + n_plays], block[1 + n_plays : 1 + 2 * n_plays]
     weights, plays = block[1 + 2 * n_plays : 1 + 3 * n_plays], block[1 + 3 * n_plays : 1 + 4 * n_plays]
-    if np.all(knees == -np.inf):
-        # plain plays, of which nothing is cut off, take half the time
-        for k in range(values.size):
-            value = values[k]
-            total = 0.0
-            for j in range(n_plays):
-                play = min(max(plays[j], value - thresholds[j]), value + thresholds[j])
-                plays[j] = play
-                total += weights[j] * play
-            out[k] = total
-        return
     floors = np.empty(n_plays)
     for j in range(n_plays):
         floors[j] = max(0.0, knees[j])

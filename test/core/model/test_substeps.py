@@ -61,6 +61,23 @@ _RINGING = effect_classes()["mechanical_resonance"](314.0, 0.0157)  # type: igno
 _LAGGING = effect_classes()["amplifier_bandwidth"](200.0)  # type: ignore[call-arg]
 
 
+def _worked_finer(model: PiezoModel, drive_v: np.ndarray, before_v: float, factor: int = 40) -> np.ndarray:
+    """Return the course of a drive straight between samples of a millisecond, each worked in so many [um].
+
+    So fine that nothing is divided any more.
+    """
+    at = np.arange(1, drive_v.size * factor + 1) / factor
+    fine_v = np.interp(at, np.arange(drive_v.size + 1), np.append(before_v, drive_v))
+    return np.asarray(model.simulate(np.full(fine_v.size, 1e-3 / factor), fine_v)[factor - 1 :: factor])
+
+
+def _in_a_fit(model: PiezoModel, drive_v: np.ndarray) -> np.ndarray:
+    """Return what a fit gives for a drive at samples of a millisecond [um]."""
+    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
+    steps_s = np.full(drive_v.size, 1e-3)
+    return run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
+
+
 def _n_least(effect: Effect, substeps: Substeps = Substeps.BENDS, step_s: float = 1e-3) -> int:
     return least_parts((effect,), np.full(3, step_s), substeps)
 
@@ -86,11 +103,8 @@ def test_a_fit_follows_a_swing_as_its_model_does(frequency_hz: float) -> None:
     effect = effect_classes()["mechanical_resonance"](frequency_hz, 0.02)  # type: ignore[call-arg]
     model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, (effect,), None, Substeps.BENDS)
     drive_v = np.repeat(np.random.default_rng(7).uniform(-50.0, 50.0, 30), 50)
-    steps_s = np.full(drive_v.size, 1e-3)
-    wanted_um = model.simulate(steps_s, drive_v)
-    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
-    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
-    assert float(np.std(fitted_um - wanted_um)) < 3e-5 * float(np.ptp(wanted_um))
+    wanted_um = model.simulate(np.full(drive_v.size, 1e-3), drive_v)
+    assert float(np.std(_in_a_fit(model, drive_v) - wanted_um)) < 3e-5 * float(np.ptp(wanted_um))
 
 
 def _parts_of_fit(change: np.ndarray) -> np.ndarray:
@@ -120,10 +134,8 @@ def test_a_fit_divides_a_held_drive_as_its_model_does() -> None:
     hold = effect_classes()["zero_order_hold"](2.0)  # type: ignore[call-arg]
     lag = effect_classes()["amplifier_bandwidth"](30.0)  # type: ignore[call-arg]
     model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, (hold, lag), None, Substeps.BENDS)
-    drive_v, steps_s = 40.0 * np.sin(np.arange(600) / 40.0), np.full(600, 1e-3)
-    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
-    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
-    np.testing.assert_array_equal(fitted_um, model.simulate(steps_s, drive_v))
+    drive_v = 40.0 * np.sin(np.arange(600) / 40.0)
+    np.testing.assert_array_equal(_in_a_fit(model, drive_v), model.simulate(np.full(600, 1e-3), drive_v))
 
 
 _LATE = {
@@ -143,14 +155,8 @@ def test_a_fit_is_as_close_to_the_course_of_a_drive_that_turns_as_its_model(name
     ends_v = np.cumsum(np.random.default_rng(3).uniform(10.0, 60.0, 30) * (-1.0) ** np.arange(30))
     ways = np.concatenate(([0], np.cumsum(np.abs(np.diff(ends_v, prepend=0.0)) / 0.08).astype(int)))
     drive_v = np.interp(np.arange(1, ways[-1] + 1), ways, np.concatenate(([0.0], ends_v)))
-    steps_s, factor = np.full(drive_v.size, 1e-3), 40
-    fine_v = np.interp(
-        np.arange(1, drive_v.size * factor + 1) / factor, np.arange(drive_v.size + 1), np.append(0.0, drive_v)
-    )
-    fine_um = model.simulate(np.full(fine_v.size, 1e-3 / factor), fine_v)[factor - 1 :: factor]
-    state, at_creep = relaxed_state(model.play_form, model.creep_modes, model.effects)
-    fitted_um = run_chain(state, at_creep, model.effects, steps_s, drive_v, substeps=Substeps.FIT)
-    assert float(np.std(fitted_um - fine_um)) < 1e-5 * float(np.ptp(fine_um))
+    fine_um = _worked_finer(model, drive_v, 0.0)
+    assert float(np.std(_in_a_fit(model, drive_v) - fine_um)) < 1e-5 * float(np.ptp(fine_um))
     whole = parts_of_steps(np.diff(drive_v, prepend=0.0), 20.0, 1, Substeps.BENDS)[0]
     assert np.sum(_parts_of_fit(np.diff(drive_v, prepend=0.0) / 20.0)) < 0.5 * np.sum(whole)
 
@@ -191,14 +197,10 @@ def test_what_rings_while_the_drive_rests_is_followed_by_what_is_behind_it(names
     }
     effects = tuple(effect_classes()[name].from_mapping(known[name], where=name) for name in names)
     model = PiezoModel((20.0, 40.0, 30.0, 10.0), (1.5, 12.0, 20.0), 0.02, effects, None, Substeps.BENDS)
-    n, factor = 1500, 40
-    levels_v = np.repeat(np.random.default_rng(7).uniform(-50.0, 50.0, n // 50), 50)
+    levels_v = np.repeat(np.random.default_rng(7).uniform(-50.0, 50.0, 30), 50)
     levels_v[:50] = 0.0
-    # the same course, straight between the samples, given in samples so fine that nothing is divided any more
-    at = np.arange(1, n * factor + 1) / factor
-    fine_v = np.interp(at, np.arange(n + 1), np.concatenate((levels_v[:1], levels_v)))
-    coarse_um = model.simulate(np.full(n, 1e-3), levels_v)
-    fine_um = model.simulate(np.full(n * factor, 1e-3 / factor), fine_v)[factor - 1 :: factor]
+    fine_um = _worked_finer(model, levels_v, levels_v[0])
+    coarse_um = model.simulate(np.full(levels_v.size, 1e-3), levels_v)
     error_um, stroke_um = coarse_um - fine_um, float(np.ptp(fine_um))
     assert float(np.sqrt(np.mean((error_um - np.mean(error_um)) ** 2))) < 1e-4 * stroke_um
 
