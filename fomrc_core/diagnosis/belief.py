@@ -96,7 +96,7 @@ def probability_of_unknown(judgement: Judgement, findings: tuple[Finding, ...]) 
 
 def _sureness(judgement: Judgement) -> float:
     """Return how surely what is left follows the drive by the surest of the tests, in decades of its p-value."""
-    least = min((test.p_value for test in judgement.dependences), default=1.0)
+    least = min((test.p_value for test in judgement.dependences if test.is_of_drive), default=1.0)
     return min(-math.log10(least), _ENOUGH_SURENESS) if least > 0.0 else _ENOUGH_SURENESS
 
 

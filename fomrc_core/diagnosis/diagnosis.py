@@ -38,6 +38,7 @@ from fomrc_core.diagnosis.record_view import RecordView, record_views
 from fomrc_core.diagnosis.remainder import dependences
 from fomrc_core.diagnosis.search import SearchResult, search
 from fomrc_core.diagnosis.slow_rest import is_slower_than_seen
+from fomrc_core.diagnosis.steady_line import steady_line
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.training_tells import unless_training_tells
 from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
@@ -323,7 +324,7 @@ def _result(
     findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
     findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
     driven = [view.driven() for view in records]
-    tests = dependences(driven)
+    tests = (*dependences(driven), steady_line(driven))
     sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor, noise.slowest_seen_s)
     if not sees_slow:
         tests = (*tests, unevenness(driven), slow_unevenness(driven))

@@ -147,7 +147,8 @@ def judge(
     excused = excess / (1.0 + excess) if after_um <= LARGEST_EXCESS * carried_um else 0.0
     if share > _NEGLIGIBLE_SHARE + excused:
         worst = max(sure, key=lambda d: d.share)
-        reasons.append(f"{100.0 * worst.share:.0f} % of its power follows from {worst.on} (p {worst.p_value:.1g})")
+        says = "follows from" if worst.is_of_drive else "is"
+        reasons.append(f"{100.0 * worst.share:.0f} % of its power {says} {worst.on} (p {worst.p_value:.1g})")
     expected_um = floor_um * math.sqrt(1.0 + excess)
     if sees_slow_noise and after_um > LARGEST_EXCESS * expected_um:
         reasons.append(f"it is {after_um / floor_um:.2f} times the noise of repeats and rests on held-out data")

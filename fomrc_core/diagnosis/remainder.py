@@ -39,11 +39,13 @@ class Dependence:
         on: what it follows from.
         share: share of the residual's power that is predicted from it on blocks not learned from [1].
         p_value: of the hypothesis that nothing is.
+        is_of_drive: whether it is something of the drive.
     """
 
     on: str
     share: float
     p_value: float
+    is_of_drive: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ def unevenness(records: Sequence[DrivenRecord]) -> Dependence:
     Args:
         records: with the residual of one and the same model.
     """
-    return _uneven([record for record in records if not _is_rounding(record)], ON)
+    return _uneven([record for record in records if not is_rounding(record)], ON)
 
 
 def slow_unevenness(records: Sequence[DrivenRecord]) -> Dependence:
@@ -55,7 +55,7 @@ def slow_unevenness(records: Sequence[DrivenRecord]) -> Dependence:
     Args:
         records: with the residual of one and the same model.
     """
-    told = [record for record in records if not _is_rounding(record)]
+    told = [record for record in records if not is_rounding(record)]
     total = sum(_power(record) for record in told)
     found = []
     for size in _AVERAGED:
@@ -114,7 +114,7 @@ def _uneven(records: Sequence[DrivenRecord], on: str) -> Dependence:
     return Dependence(on, excess / total, p_value)
 
 
-def _is_rounding(record: DrivenRecord) -> bool:
+def is_rounding(record: DrivenRecord) -> bool:
     """Return whether readings are so coarse that what is left tells of them: they stand where the drive stands."""
     step_um = sensor_step_um((record.predicted_um + record.residual_um)[record.is_used])
     return step_um**2 / 12.0 > _ROUNDING_SHARE * float(np.var(record.residual_um[record.is_used]))

@@ -21,6 +21,9 @@ _FOR_PAIRS = 2.0e10
 _FOR_FIRST_PAIRS = 4.0e10  # where nothing has been found a pair is the last that may be
 _FOR_CAUSES = 4.0e10
 _FOR_NAMES = 6.0e10
+# Samples of all records up to which that holds. A question costs in proportion to the samples, and of longer records
+# it would be one cause and no more: as many are asked of them as of these, which takes the longer.
+_SAMPLES = 40_000
 
 PAIRS = "two causes at once were not sought to the end"
 CAUSES = "no further causes were sought"
@@ -45,18 +48,21 @@ class WorkBudget:
 
     Attributes:
         n_done: returns the operations since it began [1].
+        size: of what is allowed, in that of records of up to 40 000 samples [1].
         left_out: what was not done, in words, each once; the one thing here that changes.
     """
 
     n_done: Callable[[], float]
+    size: float = 1.0
     left_out: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, split: DataSplit) -> WorkBudget:
         """Return the budget of a search that begins now."""
-        tallies = {id(r.tally): r.tally for r in (*split.train, *(h.record for h in (*split.held, *split.report)))}
-        n_before = sum(tally.n_done for tally in tallies.values())
-        return cls(lambda: sum(tally.n_done for tally in tallies.values()) - n_before)
+        records = {id(r.tally): r for r in (*split.train, *(h.record for h in (*split.held, *split.report)))}.values()
+        n_before = sum(record.tally.n_done for record in records)
+        size = max(1.0, sum(record.time_s.size for record in records) / _SAMPLES)
+        return cls(lambda: sum(record.tally.n_done for record in records) - n_before, size)
 
     @classmethod
     def unlimited(cls) -> WorkBudget:
@@ -71,7 +77,7 @@ class WorkBudget:
             has_found: whether the search has found anything: without a pair it would come to nothing.
         """
         most = {PAIRS: _FOR_PAIRS if has_found else _FOR_FIRST_PAIRS, CAUSES: _FOR_CAUSES, COMPARED: _FOR_NAMES}
-        is_allowed = self.n_done() < most[what]
+        is_allowed = self.n_done() < self.size * most[what]
         if not is_allowed and what not in self.left_out:
             self.left_out.append(what)
         return is_allowed

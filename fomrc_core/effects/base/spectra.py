@@ -68,8 +68,15 @@ class Spectrum:
 
         Amplitudes of noise are Rayleigh distributed, P(a > x) = exp(-x^2 / 2), median sqrt(2 ln 2).
         """
-        n_cells = max(self.amplitude.size // _PADDING, 1)
-        return float(np.sqrt(np.log(n_cells / _CHANCE) / np.log(2.0)))
+        return float(np.sqrt(np.log(self._n_cells / _CHANCE) / np.log(2.0)))
+
+    def chance_of(self, standing: float) -> float:
+        """Return the probability that noise stands so many times as high as its neighbourhood anywhere."""
+        return float(np.clip(self._n_cells * np.exp2(-(standing**2)), 1e-300, 1.0))
+
+    @property
+    def _n_cells(self) -> int:
+        return max(self.amplitude.size // _PADDING, 1)
 
     def lines(self, least_hz: float, n_lines: int) -> list[float]:
         """Return the frequencies of the lines that stand out most [Hz], the highest first.

@@ -62,6 +62,14 @@ def test_pairs_end_before_single_causes_and_what_was_left_out_is_told_once() -> 
     assert budget.left_out == [PAIRS, CAUSES]
 
 
+def test_of_longer_records_as_many_questions_are_asked() -> None:
+    few = WorkBudget(lambda: 1.5 * work_budget._FOR_CAUSES)
+    assert not few.allows(CAUSES)
+    twice = WorkBudget(lambda: 1.5 * work_budget._FOR_CAUSES, size=2.0)
+    assert twice.allows(CAUSES)
+    assert WorkBudget.of(split_data((_measured(1),), _measured(2), None, 0.01)).size == 1.0
+
+
 def test_names_that_were_not_compared_explain_nothing() -> None:
     assert unless_uncompared(Status.EXPLAINED, (COMPARED,)) is Status.SUSPECT
     assert unless_uncompared(Status.EXPLAINED, (PAIRS,)) is Status.EXPLAINED
