@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fomrc_core.records.quality import FaultKind, examine_residual
+from fomrc_core.records.quality.place_of_drive import at_one_place
 from fomrc_core.records.recording import Recording
 
 N, STEP_S = 3000, 1e-3
@@ -47,3 +49,35 @@ def test_a_stage_that_stands_for_few_samples_and_creeps_is_not_left_out() -> Non
         stands = slice(first, first + 8)
         readings_um[stands] = moved_um[first] + 0.05 * (moved_um[stands] - moved_um[first])
     assert _found(moved_um, readings_um).size == 0
+
+
+def _sawtooth(n: int = 4000) -> np.ndarray:
+    """Return a slow sine with fast teeth on it: no two tips at one drive value."""
+    at = np.arange(n)
+    return np.asarray(np.sin(2.0 * np.pi * at / 1300.0) + np.where(at % 40 < 30, at % 40, 120 - 3 * (at % 40)) / 30.0)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_excursions_at_the_tips_of_a_drive_are_no_faults_of_the_sensor(scale: float) -> None:
+    voltage_v = _sawtooth()
+    is_tip = voltage_v > np.quantile(voltage_v, 0.985)
+    assert np.all(at_one_place(is_tip, scale * voltage_v) == is_tip)
+    # a few that come elsewhere are still faults
+    elsewhere = np.zeros(voltage_v.size, dtype=np.bool_)
+    elsewhere[[200, 1714, 3009]] = True
+    assert not np.any(is_tip & elsewhere)
+    found = at_one_place(is_tip | elsewhere, scale * voltage_v)
+    assert np.count_nonzero(found & is_tip) > 0.9 * np.count_nonzero(is_tip)
+    assert not np.any(found & elsewhere)
+
+
+@pytest.mark.parametrize("n_spikes", [1, 3, 5, 20, 100])
+@pytest.mark.parametrize("drive", ["teeth", "mostly at rest"])
+def test_spikes_at_random_times_stay_faults_whatever_the_drive(n_spikes: int, drive: str) -> None:
+    voltage_v = _sawtooth() if drive == "teeth" else np.repeat([0.0, 1.0, 0.0, 2.0], 1000)
+    told = 0
+    for seed in range(200):
+        is_spike = np.zeros(voltage_v.size, dtype=np.bool_)
+        is_spike[np.random.default_rng([n_spikes, seed]).choice(voltage_v.size, n_spikes, replace=False)] = True
+        told += np.any(at_one_place(is_spike, voltage_v))
+    assert told <= 3  # of two hundred at one in a thousand: four and more happen once in ten thousand
