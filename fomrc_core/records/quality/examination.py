@@ -14,7 +14,7 @@ from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.excursions import Surroundings, find_excursions
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.noisy_drive import drive_noise_v, smoothed_drive_v
-from fomrc_core.records.quality.place_of_drive import at_one_place
+from fomrc_core.records.quality.place_of_drive import made_by_drive
 from fomrc_core.records.recording import Recording
 
 _N_PASSES = 8  # excursions beside each other hide each other until the larger one is gone
@@ -80,7 +80,7 @@ def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     around = Surroundings.of(recording.voltage_v, left, followed, step_um, float(np.ptp(recording.measured_um)))
     is_spike = find_excursions(around) & valid
     is_spike &= ~_stand_still(recording.measured_um, left, is_spike, around.floor_um)
-    is_spike &= ~at_one_place(is_spike, recording.voltage_v)
+    is_spike &= ~made_by_drive(is_spike, recording.voltage_v)
     faults: tuple[DataFault, ...] = ()
     if np.any(is_spike):
         faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)

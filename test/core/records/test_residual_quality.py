@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.records.quality import FaultKind, examine_residual
-from fomrc_core.records.quality.place_of_drive import at_one_place
+from fomrc_core.records.quality.place_of_drive import made_by_drive
 from fomrc_core.records.recording import Recording
 
 N, STEP_S = 3000, 1e-3
@@ -61,12 +61,12 @@ def _sawtooth(n: int = 4000) -> np.ndarray:
 def test_excursions_at_the_tips_of_a_drive_are_no_faults_of_the_sensor(scale: float) -> None:
     voltage_v = _sawtooth()
     is_tip = voltage_v > np.quantile(voltage_v, 0.985)
-    assert np.all(at_one_place(is_tip, scale * voltage_v) == is_tip)
+    assert np.all(made_by_drive(is_tip, scale * voltage_v) == is_tip)
     # a few that come elsewhere are still faults
     elsewhere = np.zeros(voltage_v.size, dtype=np.bool_)
     elsewhere[[200, 1714, 3009]] = True
     assert not np.any(is_tip & elsewhere)
-    found = at_one_place(is_tip | elsewhere, scale * voltage_v)
+    found = made_by_drive(is_tip | elsewhere, scale * voltage_v)
     assert np.count_nonzero(found & is_tip) > 0.9 * np.count_nonzero(is_tip)
     assert not np.any(found & elsewhere)
 
@@ -79,5 +79,23 @@ def test_spikes_at_random_times_stay_faults_whatever_the_drive(n_spikes: int, dr
     for seed in range(200):
         is_spike = np.zeros(voltage_v.size, dtype=np.bool_)
         is_spike[np.random.default_rng([n_spikes, seed]).choice(voltage_v.size, n_spikes, replace=False)] = True
-        told += np.any(at_one_place(is_spike, voltage_v))
+        told += np.any(made_by_drive(is_spike, voltage_v))
     assert told <= 3  # of two hundred at one in a thousand: four and more happen once in ten thousand
+
+
+@pytest.mark.parametrize("shift", [-1, 0, 3])
+def test_excursions_about_the_steps_of_a_staircase_are_no_faults_of_the_sensor(shift: int) -> None:
+    voltage_v = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 40), 100)
+    about_steps = np.zeros(voltage_v.size, dtype=np.bool_)
+    about_steps[100 + shift : 3950 : 100] = True
+    late = np.zeros(voltage_v.size, dtype=np.bool_)
+    late[[250, 1777]] = True
+    assert np.all(made_by_drive(about_steps | late, voltage_v) == about_steps)
+
+
+def test_late_readings_stand_out_where_the_drive_is_fast_and_are_faults_all_the_same() -> None:
+    voltage_v = _sawtooth()
+    fast = np.flatnonzero(np.abs(np.diff(voltage_v, prepend=voltage_v[0])) > 0.08)
+    is_late = np.zeros(voltage_v.size, dtype=np.bool_)
+    is_late[np.random.default_rng(5).choice(fast, 40, replace=False)] = True
+    assert not np.any(made_by_drive(is_late, voltage_v))
