@@ -86,9 +86,8 @@ class Surroundings:
         span = own if span_um is None else span_um
         floor = max(level * noise, _N_STEPS * step_um if np.isfinite(step_um) else 0.0, _LEAST_SHARE * span)
         bend = np.zeros(rest.size)
-        # the filter may follow some of the record better than the rest, and a model that knows of no delay or end of an
-        # amplifier misses as much as the drive bends: a bend counts with the gain of the whole record too
-        gain = span / (_span(voltage_v) or 1.0)
+        # the filter may follow some of the record better than the rest: a bend counts with the gain of the whole too
+        gain = own / (_span(voltage_v) or 1.0)
         bend[1:-1] = np.maximum(np.abs(np.diff(followed_um, 2)), gain * np.abs(np.diff(voltage_v, 2)))
         around = _N_RINGING + N_BURST_MAX
         # looked for after the bend: the window reaches back by the ringing and ahead by a burst
