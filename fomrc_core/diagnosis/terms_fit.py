@@ -201,11 +201,15 @@ def offered_directions(model: TrialModel, offered: Effect, record: FitRecord, in
 
 
 def _differences(model: TrialModel, effect: Effect, others: Sequence[Effect], record: FitRecord, index: int) -> Array:
-    """Return what is moved with each of the others in the place of an effect, less what is with it, side by side."""
-    here, passage = predict_passing(model.with_cause(effect), record, index, is_coarse=True)
+    """Return what is moved with each of the others in the place of an effect, less what is with it, side by side.
+
+    Steps are divided as the model divides them: terms are near to each other, and of coarser differences which are
+    chosen hung on rounding.
+    """
+    here, passage = predict_passing(model.with_cause(effect), record, index)
     before = Before(passage, effect.stage)
     columns = np.empty((here.size, len(others)), order="F")
     for k, other in enumerate(others):
-        there, _ = predict_passing(model.with_cause(other), record, index, is_coarse=True, before=before)
+        there, _ = predict_passing(model.with_cause(other), record, index, before=before)
         columns[:, k] = there - here
     return columns
