@@ -23,8 +23,7 @@ from fomrc_core.fitting.linear_part import (
     residuals,
     squared_error,
 )
-from fomrc_core.fitting.trial_model import TrialModel, predict, predict_passing
-from fomrc_core.model.simulation import Before
+from fomrc_core.fitting.trial_model import TrialModel, predict
 
 _MOST_STEPS = 6
 _MOST_HALVINGS = 4
@@ -175,41 +174,11 @@ def term_directions(model: TrialModel, effect: Effect, record: FitRecord, index:
     numbers = _numbers(effect)
     sizes = np.full(numbers.size, _LOG_DIFFERENCE)
     sizes[: effect.n_terms] = effect.weight_of_span() * _SHARE_OF_DIFFERENCE
-    others = []
+    here = predict(model.with_cause(effect), record, index, is_coarse=True)
+    columns = np.empty((here.size, numbers.size))
     for k, size in enumerate(sizes):
         other = numbers.copy()
         other[k] += size
-        others.append(_with_numbers(effect, other))
-    return np.asarray(_differences(model, effect, others, record, index) / sizes)
-
-
-def offered_directions(model: TrialModel, offered: Effect, record: FitRecord, index: int) -> Array:
-    """Return the displacement per unit of the weight of each term alone, shape (n_samples, n_terms).
-
-    Each is simulated without the others: all that swing and remember at once would take the square of their number.
-
-    Args:
-        model: without the terms.
-        offered: the terms, of any weights.
-        record: the record.
-        index: which record it is.
-    """
-    size = offered.weight_of_span() * _SHARE_OF_DIFFERENCE
-    others = [offered.with_terms([k], np.array([size])) for k in range(offered.n_terms)]
-    moved_um = _differences(model, offered.with_terms([0], np.zeros(1)), others, record, index)
-    return np.asarray(moved_um / size)
-
-
-def _differences(model: TrialModel, effect: Effect, others: Sequence[Effect], record: FitRecord, index: int) -> Array:
-    """Return what is moved with each of the others in the place of an effect, less what is with it, side by side.
-
-    Steps are divided as the model divides them: terms are near to each other, and of coarser differences which are
-    chosen hung on rounding.
-    """
-    here, passage = predict_passing(model.with_cause(effect), record, index)
-    before = Before(passage, effect.stage)
-    columns = np.empty((here.size, len(others)), order="F")
-    for k, other in enumerate(others):
-        there, _ = predict_passing(model.with_cause(other), record, index, before=before)
-        columns[:, k] = there - here
+        there = predict(model.with_cause(_with_numbers(effect, other)), record, index, is_coarse=True)
+        columns[:, k] = (there - here) / size
     return columns

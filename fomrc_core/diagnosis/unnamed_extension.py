@@ -19,7 +19,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, 
 from fomrc_core.diagnosis.drive_period import drive_period_v
 from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
-from fomrc_core.diagnosis.terms_fit import fitted_beside, offered_directions
+from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
 from fomrc_core.effects import Covariate, Effect, Stage, effect_classes
 from fomrc_core.effects.base.linear_terms import LinearTerms
 from fomrc_core.effects.base.ringing import ringing_peaks_hz
@@ -207,7 +207,8 @@ def _terms(
 ) -> Array:
     if offered.stage < Stage.MECHANICAL:
         # what it does the displacement shows behind hysteresis and creep alone
-        return offered_directions(model, offered, record, index)[at]
+        nothing = offered.with_terms(range(offered.n_terms), np.zeros(offered.n_terms))
+        return term_directions(model, nothing, record, index)[at, : offered.n_terms]
     columns = []
     covariate = record.covariates.of(offered.covariate)
     for k in range(offered.n_terms):

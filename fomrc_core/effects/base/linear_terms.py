@@ -168,7 +168,16 @@ class LinearTerms(Effect):
     def run(self, state: Array, values: Array, steps_s: Array, covariate: Array | None = None) -> Array:
         """Return the values with the terms, in their unit, shape (n_samples,)."""
         out = np.empty(values.size)
-        run_pairs(state, *self._modes(), values, steps_s, out)
+        poles, gains = self._modes()
+        acting = np.any(gains != 0.0, axis=1)
+        if np.all(acting):
+            run_pairs(state, poles, gains, values, steps_s, out)
+        else:
+            # of many terms offered one has a weight at a time: what the others would hold moves nothing
+            own = np.flatnonzero(np.concatenate(([True], np.repeat(acting, 2))))
+            moved = state[own]
+            run_pairs(moved, poles[acting], gains[acting], values, steps_s, out)
+            state[own] = moved
         return out + self.through * values
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:

@@ -14,12 +14,9 @@ from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.drive_period import drive_period_v
 from fomrc_core.diagnosis.extended_model import as_written
-from fomrc_core.diagnosis.terms_fit import offered_directions
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
-from fomrc_core.effects.base.term_scales import TermScales
-from fomrc_core.effects.unnamed_drive import UnnamedDrive
 from fomrc_core.fitting.linear_part import residuals, squared_error
-from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
@@ -134,18 +131,3 @@ def test_light_modes_are_followed_where_what_is_left_rings() -> None:
     print(unnamed)
     assert unnamed.words.count("swings of the displacement") == 2
     assert unnamed.rms_after_um < 0.1 * unnamed.rms_before_um
-
-
-def test_each_offered_term_of_the_drive_is_what_a_little_of_it_moves() -> None:
-    split = split_data((measured(10, lambda t, v: v),), measured(11, lambda t, v: v), None, _NOISE_UM)
-    base, record = base_model(split), split.train[0]
-    offered = UnnamedDrive.offered(TermScales(30.0, _STEP_S, _N * _STEP_S, {}))
-    assert offered.n_terms > 20
-    columns = offered_directions(base, offered, record, 0)
-    plain = predict(base, record, 0)
-    for k in range(offered.n_terms):
-        little = 1e-3
-        moved = predict(base.with_cause(offered.with_terms([k], np.array([little]))), record, 0) - plain
-        apart = little * columns[:, k] - moved
-        # plays that turn between samples do so where a swing is divided finely; no term is chosen for so little
-        assert rms(apart) < 0.05 * rms(moved), k
