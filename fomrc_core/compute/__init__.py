@@ -12,5 +12,6 @@ __all__ = [
     "least_squares",
     "notebook",
     "pulse",
+    "runs",
     "work_tally",
 ]

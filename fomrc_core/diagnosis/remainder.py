@@ -66,6 +66,12 @@ class DrivenRecord:
     residual_um: Array
     is_used: NDArray[np.bool_]
 
+    @property
+    def left_um2(self) -> float:
+        """Sum of squares of the residual about its mean, over the samples that are looked at [um^2]."""
+        left_um = self.residual_um[self.is_used]
+        return float(np.sum((left_um - np.mean(left_um)) ** 2)) if left_um.size else 0.0
+
 
 def dependences(records: Sequence[DrivenRecord], whitening: Array | None = None) -> tuple[Dependence, ...]:
     """Return what the residual of the records follows from, group by group, and all groups together last.

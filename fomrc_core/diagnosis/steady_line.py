@@ -29,7 +29,7 @@ def steady_line(records: Sequence[DrivenRecord]) -> Dependence:
         records: with the residual of one and the same model.
     """
     told = [record for record in records if np.count_nonzero(record.is_used) >= 2 * _LEAST_CELLS]
-    total = sum(_power(record) for record in told)
+    total = sum(record.left_um2 for record in told)
     told = [record for record in told if not is_rounding(record)]
     least_p, in_lines, most, at_hz = 1.0, 0.0, 0.0, 0.0
     for record in told:
@@ -53,8 +53,3 @@ def _highest(record: DrivenRecord) -> tuple[float, float, float]:
     at = int(np.argmax(height))
     power = 0.5 * float(spectrum.amplitude[at]) ** 2 * used.size
     return spectrum.chance_of(float(height[at])), power, float(spectrum.frequency_hz[at])
-
-
-def _power(record: DrivenRecord) -> float:
-    left_um = record.residual_um[record.is_used]
-    return float(np.sum((left_um - np.mean(left_um)) ** 2))

@@ -56,7 +56,7 @@ def slow_unevenness(records: Sequence[DrivenRecord]) -> Dependence:
         records: with the residual of one and the same model.
     """
     told = [record for record in records if not is_rounding(record)]
-    total = sum(_power(record) for record in told)
+    total = sum(record.left_um2 for record in told)
     found = []
     for size in _AVERAGED:
         means = [_averaged(record, size) for record in told]
@@ -65,18 +65,12 @@ def slow_unevenness(records: Sequence[DrivenRecord]) -> Dependence:
             break
         seen = _uneven(means, ON_MEANS)
         # of the power of the whole, means have what is slow
-        slow = min(size * sum(_power(m) for m in means) / total, 1.0)
+        slow = min(size * sum(mean.left_um2 for mean in means) / total, 1.0)
         found.append(replace(seen, share=seen.share * slow))
     if not found:
         return Dependence(ON_MEANS, 0.0, 1.0)
     surest = min(found, key=lambda one: one.p_value)
     return replace(surest, p_value=min(1.0, len(found) * surest.p_value))
-
-
-def _power(record: DrivenRecord) -> float:
-    """Return the sum of squares of what is left about its mean [um^2]."""
-    left_um = record.residual_um[record.is_used]
-    return float(np.sum((left_um - np.mean(left_um)) ** 2)) if left_um.size else 0.0
 
 
 def _averaged(record: DrivenRecord, size: int) -> DrivenRecord:

@@ -18,6 +18,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, whitening_of
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.present_model import with_effects
 from fomrc_core.fitting.linear_part import residuals, tangent
@@ -147,8 +148,7 @@ def _filtered(values: Array, mask: Mask, noise: Wander) -> Iterator[Array]:
     """Yield the innovations of each stretch of used samples but for its first, so many rows at a time."""
     from scipy.signal import lfilter  # a second to import, which no node that only drives shall wait for
 
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(mask).astype(np.int8), [0]))))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs_of(mask):
         if stop - start < _SHORTEST:
             continue
         state = np.zeros((1, *values.shape[1:]))

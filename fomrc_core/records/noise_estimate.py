@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.noise_differences import difference_noise
 from fomrc_core.records.noise_model import NoiseModel, NoiseSource
@@ -149,11 +150,8 @@ def _from_differences(
             pairs.append((recording.voltage_v, recording.measured_um))
             continue
         # differences must not reach over a gap
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], usable.astype(np.int8), [0]))))
         pairs += [
-            (recording.voltage_v[a:b], recording.measured_um[a:b])
-            for a, b in zip(edges[::2], edges[1::2], strict=True)
-            if b - a >= N_STRETCH_MIN
+            (recording.voltage_v[a:b], recording.measured_um[a:b]) for a, b in runs_of(usable) if b - a >= N_STRETCH_MIN
         ]
     found = difference_noise(pairs)
     frequency = frequency_grid(n_record)

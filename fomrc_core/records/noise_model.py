@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.records.noise_spectrum import NoiseSpectrum
 from fomrc_core.records.whiteness import WhitenessTest, whiteness_test
 
@@ -149,8 +150,7 @@ class NoiseModel:
         if is_usable is None or bool(np.all(is_usable)):
             return self.spectrum.process.whiten(scaled)
         white = np.zeros_like(scaled)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(is_usable).astype(np.int8), [0]))))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for start, stop in runs_of(is_usable):
             white[start:stop] = self.spectrum.process.whiten(scaled[start:stop])
         return white
 

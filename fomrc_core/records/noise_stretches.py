@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.records.noise_spectrum import NoiseStretch
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import Repeat
@@ -46,7 +47,7 @@ def find_rests(voltage_v: Array) -> tuple[Rest, ...]:
     if v.size < N_STRETCH_MIN or span == 0.0:
         return ()
     still = np.abs(np.diff(v)) <= _ROUNDING * float(np.max(np.abs(v)))
-    found = [Rest(a, b + 1) for a, b in _runs(still) if b + 1 - a >= N_STRETCH_MIN]
+    found = [Rest(a, b + 1) for a, b in runs_of(still).tolist() if b + 1 - a >= N_STRETCH_MIN]
     return tuple(found) if found else _noisy_rests(v, span)
 
 
@@ -63,7 +64,7 @@ def _noisy_rests(v: Array, span: float) -> tuple[Rest, ...]:
     # the spread of a mean of half a block is noise / sqrt(16), of the difference of two sqrt(2) more; four sigma
     quiet = (spread <= 2.0 * noise) & (drift <= 8.0 * noise * np.sqrt(2.0 / 16.0))
     steady = quiet[1:] & quiet[:-1] & (np.abs(np.diff(mean)) <= 8.0 * noise * np.sqrt(2.0 / _REST_BLOCK))
-    return tuple(Rest(a * _REST_BLOCK, (b + 1) * _REST_BLOCK) for a, b in _runs(steady) if b > a)
+    return tuple(Rest(a * _REST_BLOCK, (b + 1) * _REST_BLOCK) for a, b in runs_of(steady).tolist() if b > a)
 
 
 def stretches_of_rests(
@@ -175,8 +176,3 @@ def _filled(recording: Recording, is_usable: Mask | None) -> tuple[Array, Mask]:
         return x, np.ones(x.size, dtype=np.bool_)
     good = np.flatnonzero(is_usable)
     return np.interp(np.arange(x.size), good, x[good]), np.asarray(is_usable, dtype=np.bool_)
-
-
-def _runs(is_true: Mask) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], is_true.astype(np.int8), [0]))))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

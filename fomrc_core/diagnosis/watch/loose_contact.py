@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import runs_of
 
 # A reading is lost where it lies further than so many times what is normal from those around it, for less than this.
 _FAR = 6.0
@@ -42,12 +43,11 @@ def lost_samples(residual_um: Array, is_after: Mask, small_um: float) -> Lost | 
     around = median_filter(residual_um, size=min(_N_AROUND, 2 * (residual_um.size // 4) + 1), mode="nearest")
     is_lost = (np.abs(residual_um - around) > _FAR * small_um) & is_after
     share = float(np.mean(is_lost[is_after])) if np.any(is_after) else 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], is_lost.astype(np.int8), [0]))))
-    starts, stops = edges[::2], edges[1::2]
-    if starts.size == 0 or share > _LARGEST_SHARE:
+    lost = runs_of(is_lost)
+    if lost.shape[0] == 0 or share > _LARGEST_SHARE:
         return None
     # A contact that is lost leaves one level; what swings about it is something else.
     levels_um = np.zeros(residual_um.size)
-    for start, stop in zip(starts, stops, strict=True):
+    for start, stop in lost:
         levels_um[start:stop] = float(np.mean((residual_um - around)[start:stop]))
-    return Lost(levels_um, int(starts.size), share)
+    return Lost(levels_um, lost.shape[0], share)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.records.noise import difference_noise_um
 from fomrc_core.records.recording import Recording
 
@@ -57,10 +58,9 @@ def _flat_end(x: Array, v: Array, noise: float, gain: float) -> tuple[np.ndarray
     near = x > top - 3.0 * _N_SIGMA * noise
     level = float(np.median(x[near]))
     flat = np.abs(x - level) < _N_SIGMA * noise
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flat.astype(np.int8), [0]))))
-    arrivals = np.flatnonzero(np.diff(np.concatenate(([0], near.astype(np.int8)))) > 0)
+    arrivals = runs_of(near)[:, 0]
     chosen = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs_of(flat):
         # since the reading came up there: noise that leaves it for a moment begins no stretch of its own, in which a
         # drive that turns again within a play would look as if it went on
         arrival = int(arrivals[np.searchsorted(arrivals, start, side="right") - 1])

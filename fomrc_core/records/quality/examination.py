@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import runs_of
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.quality.clock import clock_faults
 from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, recurring_step_um
@@ -136,8 +137,7 @@ def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: f
         floor_um: largest change that noise makes [um].
     """
     stand = np.zeros(is_spike.size, dtype=np.bool_)
-    edges = np.flatnonzero(np.diff(is_spike.astype(np.int8), prepend=0, append=0))
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
+    for first, stop in runs_of(is_spike):
         since = first - 1 - _N_STOOD
         if since < 0:
             continue

@@ -13,18 +13,16 @@ hold so many, each as likely as the points in it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.compute.runs import Bounds, runs_of
 from fomrc_core.records.quality.excursions import N_BURST_MAX
 
 _FALSE_ALARMS = 1e-3  # a record
 _LEAST_SHARE = 0.8  # of the bursts: those elsewhere may be faults
 _LEAST_BURSTS = 4
 _LEAST_OFTEN = 0.5  # of the times the drive is there
-
-Bounds = NDArray[np.int64]
 
 
 def made_by_drive(is_excursion: Mask, voltage_v: Array) -> Mask:
@@ -39,7 +37,7 @@ def made_by_drive(is_excursion: Mask, voltage_v: Array) -> Mask:
     steps_v = np.abs(np.diff(voltage_v, prepend=voltage_v[:1]))
     # as far off as a burst lasts: readings may be late, and where two clocks differ early as well
     about_v = maximum_filter1d(steps_v, 2 * N_BURST_MAX + 1, mode="nearest")
-    bursts = _runs(is_excursion)
+    bursts = runs_of(is_excursion)
     found: Mask = np.zeros(is_excursion.size, dtype=np.bool_)
     if bursts.shape[0] < _LEAST_BURSTS:
         return found
@@ -75,13 +73,7 @@ def _narrowest(done_v: Array, bursts: Bounds) -> tuple[float, float, float]:
 
 def _how_often(is_there: Mask, is_excursion: Mask) -> float:
     """Return the share of the times the drive is there at which an excursion comes, within a burst's length of it."""
-    visits = _runs(is_there)
+    visits = runs_of(is_there)
     counts = np.concatenate(([0], np.cumsum(is_excursion)))
     stops = np.minimum(visits[:, 1] + N_BURST_MAX, is_excursion.size)
     return float(np.mean(counts[stops] > counts[np.maximum(visits[:, 0] - N_BURST_MAX, 0)]))
-
-
-def _runs(mask: Mask) -> Bounds:
-    """Return first and one past the last sample of each run, shape (n_runs, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return np.asarray(edges.reshape(-1, 2))

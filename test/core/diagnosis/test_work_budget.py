@@ -62,12 +62,15 @@ def test_pairs_end_before_single_causes_and_what_was_left_out_is_told_once() -> 
     assert budget.left_out == [PAIRS, CAUSES]
 
 
-def test_of_longer_records_as_many_questions_are_asked() -> None:
+def test_of_longer_records_as_many_questions_are_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     few = WorkBudget(lambda: 1.5 * work_budget._FOR_CAUSES)
     assert not few.allows(CAUSES)
     twice = WorkBudget(lambda: 1.5 * work_budget._FOR_CAUSES, size=2.0)
     assert twice.allows(CAUSES)
-    assert WorkBudget.of(split_data((_measured(1),), _measured(2), None, 0.01)).size == 1.0
+    split = split_data((_measured(1),), _measured(2), None, 0.01)
+    assert WorkBudget.of(split).size == 1.0
+    monkeypatch.setattr(work_budget, "_SAMPLES", 1000)  # the records have 4000, one of them held out twice
+    assert WorkBudget.of(split).size == 4.0
 
 
 def test_names_that_were_not_compared_explain_nothing() -> None:
