@@ -1,7 +1,7 @@
 """The second world in the study: its cases, and one case run from its seed to its outcome.
 
 Seeds 10000 to 19999 are for development, 170000 to 179999 for reporting: what is mended is never what is reported.
-Those from 20000 to 29999 and from 60000 to 159999 were for reporting before: what came after was decided with their
+Those from 20000 to 29999 and from 60000 to 169999 were for reporting before: what came after was decided with their
 answers in sight.
 """
 
