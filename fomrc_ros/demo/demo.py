@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import rclpy
@@ -44,9 +44,16 @@ _CALIBRATION_RATE_HZ = 1000.0
 _REPEATS = 2
 
 
+class _OneLineParser(argparse.ArgumentParser):
+    """Refuses arguments in one line, as the other commands do."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (allowed: see --help)\n")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the demo; return 0 unless it missed one of the paper's figures, or could not be run."""
-    parser = argparse.ArgumentParser(prog="fomrc demo", description=__doc__)
+    parser = _OneLineParser(prog="fomrc demo", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder for model and figures")
     parser.add_argument("--fast", action="store_true", help="fast rasters on a stage that rings instead")
     options = parser.parse_args(arguments)

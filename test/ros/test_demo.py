@@ -37,6 +37,16 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys) -> Non
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("arguments", [["x"], ["--output"], ["--slow"]])
+def test_an_argument_it_has_not_is_one_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        demo.main(arguments)
+    assert refused.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("fomrc demo: ")
+    assert said.count("\n") == 1
+
+
 def test_targets_go_where_the_figures_say_at_their_rate() -> None:
     assert _TARGET.desired_um[-1] == pytest.approx(0.0, abs=1e-12)
     assert np.max(np.abs(np.diff(_TARGET.desired_um))) == pytest.approx(1.2 / RATE_HZ, rel=1e-2)
