@@ -68,6 +68,12 @@ def delay_state() -> Array:
 
 
 @compiled
+def _slot(number: int) -> int:
+    """Return where the time of a sample is kept."""
+    return _DELAY_HEADER + number % DELAY_CAPACITY
+
+
+@compiled
 def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: Array) -> bool:
     """Fill ``out`` with the values ``delay_s`` ago, linear between samples; before the start they were zero.
 
@@ -78,76 +84,46 @@ def run_delay(state: Array, delay_s: float, values: Array, steps_s: Array, out: 
     """
     before = int(state[0])  # samples of former calls
     elapsed = state[1]
-    reader = int(state[2])  # how many samples are not younger than what is read
-    times = np.empty(values.size)
-    is_long_enough = True
-    first = 0
-    if before == 0:
-        # nothing is kept from former calls: read where it stands, some twenty times as fast
-        elapsed, reader = _delay_whole(delay_s, values, steps_s, times, out)
-        first = values.size
-    for k in range(first, values.size):
-        elapsed += steps_s[k]
-        times[k] = elapsed
-        count = before + k + 1
-        wanted = elapsed - delay_s
-        # Both ways: a changed delay takes over the state of another.
-        while reader < count and _kept(state, before, times, reader, 0) <= wanted:
-            reader += 1
-        while reader > 0 and _kept(state, before, times, reader - 1, 0) > wanted:
+    oldest = max(0, before - DELAY_CAPACITY)
+    # How many samples are not younger than what is read. Back first: a changed delay takes over the state of another.
+    reader = max(int(state[2]), oldest)
+    if values.size > 0:
+        wanted = elapsed + steps_s[0] - delay_s
+        while reader > oldest and state[_slot(reader - 1)] > wanted:
             reader -= 1
-        if reader == count:
-            out[k] = values[k]
-            continue
-        if wanted <= 0.0:
-            out[k] = 0.0
-            continue
-        earlier_time, earlier_value = 0.0, 0.0
-        if max(reader - 1, 0) < before - DELAY_CAPACITY:
-            is_long_enough = False  # what is to be read has been overwritten
-        if reader > 0:
-            earlier_time = _kept(state, before, times, reader - 1, 0)
-            earlier_value = _kept(state, before, values, reader - 1, DELAY_CAPACITY)
-        later_time = _kept(state, before, times, reader, 0)
-        later_value = _kept(state, before, values, reader, DELAY_CAPACITY)
-        share = (wanted - earlier_time) / (later_time - earlier_time)
-        out[k] = earlier_value + share * (later_value - earlier_value)
-    for k in range(max(0, values.size - DELAY_CAPACITY), values.size):
-        slot = _DELAY_HEADER + (before + k) % DELAY_CAPACITY
-        state[slot], state[slot + DELAY_CAPACITY] = times[k], values[k]
-    state[0], state[1], state[2] = float(before + values.size), elapsed, float(reader)
-    return is_long_enough
-
-
-@compiled
-def _delay_whole(delay_s: float, values: Array, steps_s: Array, times: Array, out: Array) -> tuple[float, int]:
-    # As the loop of run_delay from the start on, bit by bit; the elapsed time, and the place it reads.
-    elapsed, reader = 0.0, 0
+    # What is read lies in one line, some twenty times as fast as where it is kept: from the sample before on.
+    first = max(reader - 1, oldest)
+    n_kept = before - first
+    line_times, line_values = np.empty(n_kept + values.size), np.empty(n_kept + values.size)
+    for i in range(n_kept):
+        line_times[i] = state[_slot(first + i)]
+        line_values[i] = state[_slot(first + i) + DELAY_CAPACITY]
+    line_values[n_kept:] = values
+    at = reader - first
+    is_long_enough = True
     for k in range(values.size):
+        newest = n_kept + k
         elapsed += steps_s[k]
-        times[k] = elapsed
+        line_times[newest] = elapsed
         wanted = elapsed - delay_s
-        while reader <= k and times[reader] <= wanted:
-            reader += 1
-        if reader == k + 1:
+        while at <= newest and line_times[at] <= wanted:
+            at += 1
+        if at > newest:
             out[k] = values[k]
         elif wanted <= 0.0:
             out[k] = 0.0
+        elif at > 0:
+            share = (wanted - line_times[at - 1]) / (line_times[at] - line_times[at - 1])
+            out[k] = line_values[at - 1] + share * (line_values[at] - line_values[at - 1])
         else:
-            earlier_time, earlier_value = 0.0, 0.0
-            if reader > 0:
-                earlier_time, earlier_value = times[reader - 1], values[reader - 1]
-            share = (wanted - earlier_time) / (times[reader] - earlier_time)
-            out[k] = earlier_value + share * (values[reader] - earlier_value)
-    return elapsed, reader
-
-
-@compiled
-def _kept(state: Array, before: int, present: Array, number: int, offset: int) -> float:
-    """Return what a sample had, of this call or kept from those before it."""
-    if number >= before:
-        return float(present[number - before])
-    return float(state[_DELAY_HEADER + offset + number % DELAY_CAPACITY])
+            # before the first sample ever it was zero; otherwise what is to be read has been overwritten
+            is_long_enough = is_long_enough and first == 0
+            out[k] = wanted / line_times[0] * line_values[0]
+    for k in range(max(0, values.size - DELAY_CAPACITY), values.size):
+        slot = _slot(before + k)
+        state[slot], state[slot + DELAY_CAPACITY] = line_times[n_kept + k], values[k]
+    state[0], state[1], state[2] = float(before + values.size), elapsed, float(first + at)
+    return is_long_enough
 
 
 @compiled
