@@ -22,7 +22,8 @@ from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.simulation import relaxed_state, run_chain
 from fomrc_core.model.substeps import Substeps
-from fomrc_core.operators.creep import creep_block, integrate
+from fomrc_core.operators.creep import creep_block
+from fomrc_core.operators.creep_batch import integrate
 from fomrc_core.operators.hysteresis import hysteresis_block, move_plays_batch, move_stops_batch
 
 N = 100_000

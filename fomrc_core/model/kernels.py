@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled_or, compiled_sums
 from fomrc_core.model.plain_kernels import PlainKernels
-from fomrc_core.operators.creep import differentiate, differentiate_step, integrate, integrate_step
+from fomrc_core.operators.creep import differentiate_step, integrate_step
+from fomrc_core.operators.creep_batch import differentiate, integrate
 from fomrc_core.operators.hysteresis import (
     move_plays,
     move_plays_batch,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 
 import numpy as np
@@ -27,20 +28,6 @@ SMALL_CHANGE = 1e-3  # of the same: the bend within a step goes with the square 
 # Creep after a jump D bends by about D a / m^2 in the m-th step after it (a: creep order, a few hundredths).
 BEND_AFTER = 0.1
 BEND_FADES = 0.5
-
-
-@compiled
-def _fading_turns(change: Array, out: Array) -> None:
-    # what follows a turn with some steps' delay turns the less the longer it takes
-    turn, n_steps, before = 0.0, 1.0, 0.0
-    for k in range(change.size):
-        now = abs(change[k] - before)
-        before = change[k]
-        if now >= turn / (n_steps + 1.0):
-            turn, n_steps = now, 1.0
-        else:
-            n_steps += 1.0
-        out[k] = turn / n_steps
 
 
 class Substeps(Enum):
@@ -92,14 +79,6 @@ def substeps_of(word: object, effects: tuple[Effect, ...], has_start: bool, wher
     return words[word]
 
 
-@compiled
-def _with_bend_after(size: Array, bend: float, out: Array) -> float:
-    for k in range(size.size):
-        out[k] = max(size[k], bend)
-        bend = max(BEND_AFTER * size[k], BEND_FADES * bend)
-    return bend
-
-
 def least_parts(effects: tuple[Effect, ...], steps_s: Array, substeps: Substeps) -> int:
     """Return into how many parts a chain's effects ask for each step to be divided at least.
 
@@ -133,34 +112,82 @@ def parts_of_steps(
         substeps: how finely.
         bend_v: bend left over from the steps before [V].
     """
-    size = np.abs(change_v)
     if substeps is Substeps.NONE:
-        return np.ones(size.size, dtype=np.int64), 0.0
+        return np.ones(change_v.size, dtype=np.int64), 0.0
+    parts = np.empty(change_v.size, dtype=np.int64)
     if substeps not in (Substeps.BENDS, Substeps.FIT):
-        n_parts = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
-        return np.maximum(np.where(size > LARGE_CHANGE * scale_v, n_parts, 1), n_least), 0.0
-    bent = np.empty(size.size)
-    bend_v = _with_bend_after(size, bend_v, bent)
-    parts = np.where(bent > SMALL_CHANGE * scale_v, N_SUBSTEPS, 1)
-    parts[bent > LARGE_CHANGE * scale_v] = N_PARTS_LARGE
-    if substeps is Substeps.FIT:
-        turns = np.empty(size.size)
-        _fading_turns(np.ascontiguousarray(change_v), turns)
-        asked = np.maximum(bent / (STRAIGHT * scale_v), turns / (TURN * scale_v))
-        parts = np.minimum(parts, np.ceil(np.clip(asked, 1.0, N_PARTS_LARGE)).astype(np.int64))
-    return np.maximum(parts, n_least), bend_v
+        n_large = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
+        _fill_jumps(change_v, LARGE_CHANGE * scale_v, n_large, n_least, parts)
+        return parts, 0.0
+    return parts, _fill_bends(change_v, scale_v, n_least, substeps is Substeps.FIT, bend_v, parts)
+
+
+@compiled
+def _fill_jumps(change_v: Array, large_v: float, n_large: int, n_least: int, parts: NDArray[np.int64]) -> None:
+    for k in range(change_v.size):
+        parts[k] = max(n_large if abs(change_v[k]) > large_v else 1, n_least)
+
+
+@compiled
+def _fill_bends(
+    change_v: Array, scale_v: float, n_least: int, is_of_fit: bool, bend_v: float, parts: NDArray[np.int64]
+) -> float:
+    """Fill ``parts`` and return the bend left for the next step [V]."""
+    turn_v, n_steps, before_v = 0.0, 1.0, 0.0
+    for k in range(change_v.size):
+        size_v = abs(change_v[k])
+        bent_v = max(size_v, bend_v)
+        bend_v = max(BEND_AFTER * size_v, BEND_FADES * bend_v)
+        n_parts = 1
+        if bent_v > LARGE_CHANGE * scale_v:
+            n_parts = N_PARTS_LARGE
+        elif bent_v > SMALL_CHANGE * scale_v:
+            n_parts = N_SUBSTEPS
+        if is_of_fit:
+            # what follows a turn with some steps' delay turns the less the longer it takes
+            now_v = abs(change_v[k] - before_v)
+            before_v = change_v[k]
+            if now_v >= turn_v / (n_steps + 1.0):
+                turn_v, n_steps = now_v, 1.0
+            else:
+                n_steps += 1.0
+            asked = max(bent_v / (STRAIGHT * scale_v), turn_v / n_steps / (TURN * scale_v))
+            n_parts = min(n_parts, math.ceil(min(max(asked, 1.0), N_PARTS_LARGE)))
+        parts[k] = max(n_parts, n_least)
+    return bend_v
 
 
 def subdivide(
     steps: Array, drive: Array, last: float, parts: NDArray[np.int64]
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return steps and a linear drive on equal parts of each step, and where each sample then stands."""
-    before = np.concatenate(([last], drive[:-1]))
-    ends = np.cumsum(parts) - 1
-    within = np.arange(1, ends[-1] + 2) - np.repeat(ends + 1 - parts, parts)
-    fine = np.repeat(before, parts) + np.repeat((drive - before) / parts, parts) * within
-    fine[ends] = drive
-    return np.repeat(steps / parts, parts), fine, ends
+    n_parts = int(np.sum(parts))
+    fine_steps, fine, ends = np.empty(n_parts), np.empty(n_parts), np.empty(parts.size, dtype=np.int64)
+    _fill_parts(steps, drive, last, parts, fine_steps, fine, ends)
+    return fine_steps, fine, ends
+
+
+@compiled
+def _fill_parts(
+    steps: Array,
+    drive: Array,
+    last: float,
+    parts: NDArray[np.int64],
+    fine_steps: Array,
+    fine: Array,
+    ends: NDArray[np.int64],
+) -> None:
+    # Many arguments: what ``subdivide`` takes and what it returns.
+    at, before = 0, last
+    for k in range(parts.size):
+        step, change = steps[k] / parts[k], (drive[k] - before) / parts[k]
+        for i in range(1, parts[k] + 1):
+            fine_steps[at] = step
+            fine[at] = before + change * i
+            at += 1
+        ends[k] = at - 1
+        fine[at - 1] = drive[k]
+        before = drive[k]
 
 
 def held_parts(before_v: Array, drive_v: Array, parts: NDArray[np.int64]) -> Array:

@@ -5,6 +5,7 @@ Each is a packed state and the kernels that move it; neither knows the other.
 
 __all__ = [
     "creep",
+    "creep_batch",
     "creep_full_memory",
     "hysteresis",
 ]

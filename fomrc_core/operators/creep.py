@@ -12,12 +12,9 @@ modes, which are exact for a first-order hold of any step length. So
 
 each direction is the exact inverse of the other, by algebra and not by approximation.
 
-A batch of equal steps runs on shifted and scaled modes, ``p = (q - b y) / c`` with ``b`` the weight of the present
-input and ``c`` that of a former one: then ``p_k = d p_{k-1} + y_{k-1}``, two operations a mode, and nothing waits
-for the present output. Single steps, short runs and the stored state use the modes ``q`` themselves; both differ
-by rounding only. Sums over modes may be taken in any order (vector registers). The compiler chooses the order, and
-asks at run time how far apart the arrays lie that a loop uses: so the arrays of such a loop are parts of one, and a
-state that was saved, copied or moved goes on bit for bit, wherever it lies in memory.
+Sums over modes may be taken in any order (vector registers). The compiler chooses the order, and asks at run time how
+far apart the arrays lie that a loop uses: so the arrays of such a loop are parts of one, and a state that was saved,
+copied or moved goes on bit for bit, wherever it lies in memory. Records go through ``creep_batch.py``.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fomrc_core.compute.compiled import compiled, compiled_inline, compiled_sums
+from fomrc_core.compute.compiled import compiled_inline, compiled_sums
 from fomrc_core.operators.creep_modes import (
     DEFAULT_ACCURACY,
     LONGEST_TIME_S,
@@ -49,9 +46,7 @@ __all__ = [
     "creep_block",
     "creep_modes",
     "creep_modes_slope",
-    "differentiate",
     "differentiate_step",
-    "integrate",
     "integrate_step",
     "mode_states",
     "prepare_step",
@@ -67,10 +62,7 @@ N_MODES, FEEDTHROUGH, PREVIOUS, CACHED_STEP, CURRENT_WEIGHT, HELD_WEIGHT, ORDER,
 RATE, WEIGHT, DECAY, FROM_PREVIOUS, FROM_CURRENT, WEIGHTED_DECAY, MODE = range(7)
 _N_ARRAYS = 7
 
-_SHORT_RUN = 8  # equal steps below which shifting the modes and back does not pay
-_LONG_RUN = 4096
 _SERIES_LIMIT = 0.5
-_NEGLIGIBLE = 1e-290  # modes below it are set to zero: denormal numbers cost a hundred times as much
 
 
 def creep_block(modes: CreepModes) -> Array:
@@ -184,113 +176,3 @@ def differentiate_step(packed: Array, at: int, value: float, step_s: float) -> f
     result: float = (value - creep_history(packed, at)) / packed[at + CURRENT_WEIGHT]
     creep_remember(packed, at, result)
     return result
-
-
-@compiled
-def _end_of_run(steps_s: Array, start: int) -> int:
-    stop = start + 1
-    limit = min(steps_s.size, start + _LONG_RUN)
-    while stop < limit and steps_s[stop] == steps_s[start]:
-        stop += 1
-    return stop
-
-
-@compiled_sums
-def _shift_modes(packed: Array, at: int, work: Array) -> tuple[float, float]:
-    # Fill the rows of the workspace: decays, shifted modes and their weights; return the weight of the last input
-    # and the modes' sum. Sums run over one array only: how far it lies from another decides on the order of a sum.
-    n_modes = int(packed[at + N_MODES])
-    first = at + HEADER
-    previous = packed[at + PREVIOUS]
-    for j in range(n_modes):
-        decay = packed[first + DECAY * n_modes + j]
-        current = packed[first + FROM_CURRENT * n_modes + j]
-        gain = packed[first + FROM_PREVIOUS * n_modes + j] + decay * current
-        work[j] = decay
-        work[n_modes + j] = (packed[first + MODE * n_modes + j] - current * previous) / gain
-        work[2 * n_modes + j] = packed[first + WEIGHTED_DECAY * n_modes + j] * gain
-        work[3 * n_modes + j] = packed[first + WEIGHTED_DECAY * n_modes + j] * current
-    held, total = packed[at + HELD_WEIGHT], 0.0
-    for j in range(n_modes):
-        held += work[3 * n_modes + j]
-        total += work[2 * n_modes + j] * work[n_modes + j]
-    return held, total
-
-
-@compiled_sums
-def _unshift_modes(packed: Array, at: int, shifted: Array, last: float) -> None:
-    n_modes = int(packed[at + N_MODES])
-    first = at + HEADER
-    for j in range(n_modes):
-        decay = packed[first + DECAY * n_modes + j]
-        current = packed[first + FROM_CURRENT * n_modes + j]
-        gain = packed[first + FROM_PREVIOUS * n_modes + j] + decay * current
-        mode = gain * shifted[j] + current * last
-        packed[first + MODE * n_modes + j] = mode if abs(mode) > _NEGLIGIBLE else 0.0
-    packed[at + PREVIOUS] = last
-
-
-@compiled_sums
-def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with ``I^alpha`` of the values, shape (n_samples,); the block's state moves on.
-
-    ``out`` may be ``values`` itself.
-    """
-    n_modes = int(packed[at + N_MODES])
-    work = np.empty(4 * n_modes)
-    decays, shifted, weighted = work[:n_modes], work[n_modes : 2 * n_modes], work[2 * n_modes : 3 * n_modes]
-    start = 0
-    while start < values.size:
-        stop = _end_of_run(steps_s, start)
-        if stop - start < _SHORT_RUN:
-            for k in range(start, stop):
-                out[k] = integrate_step(packed, at, values[k], steps_s[k])
-        else:
-            if steps_s[start] != packed[at + CACHED_STEP]:
-                prepare_step(packed, at, steps_s[start])
-            now, previous = packed[at + CURRENT_WEIGHT], packed[at + PREVIOUS]
-            held, total = _shift_modes(packed, at, work)
-            for k in range(start, stop):
-                value = values[k]
-                out[k] = now * value + (held * previous + total)
-                total = 0.0
-                for j in range(n_modes):
-                    mode = decays[j] * shifted[j] + previous
-                    shifted[j] = mode
-                    total += weighted[j] * mode
-                previous = value
-            _unshift_modes(packed, at, shifted, previous)
-        start = stop
-
-
-@compiled_sums
-def differentiate(packed: Array, at: int, values: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with ``D^alpha`` of the values, shape (n_samples,); the block's state moves on.
-
-    ``out`` may be ``values`` itself.
-    """
-    n_modes = int(packed[at + N_MODES])
-    work = np.empty(4 * n_modes)
-    decays, shifted, weighted = work[:n_modes], work[n_modes : 2 * n_modes], work[2 * n_modes : 3 * n_modes]
-    start = 0
-    while start < values.size:
-        stop = _end_of_run(steps_s, start)
-        if stop - start < _SHORT_RUN:
-            for k in range(start, stop):
-                out[k] = differentiate_step(packed, at, values[k], steps_s[k])
-        else:
-            if steps_s[start] != packed[at + CACHED_STEP]:
-                prepare_step(packed, at, steps_s[start])
-            inverse_now, previous = 1.0 / packed[at + CURRENT_WEIGHT], packed[at + PREVIOUS]
-            held, total = _shift_modes(packed, at, work)
-            for k in range(start, stop):
-                value = (values[k] - (held * previous + total)) * inverse_now
-                out[k] = value
-                total = 0.0
-                for j in range(n_modes):
-                    mode = decays[j] * shifted[j] + previous
-                    shifted[j] = mode
-                    total += weighted[j] * mode
-                previous = value
-            _unshift_modes(packed, at, shifted, previous)
-        start = stop

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,16 @@ def creep_modes(
         return CreepModes(order, 1.0, np.empty(0), np.empty(0))
     if order == 1.0:
         return CreepModes(order, 0.0, np.zeros(1), np.ones(1))
-    return _cut_modes(order, *_node_range(accuracy, shortest_time_s, longest_time_s))
+    return _modes_between(order, accuracy, shortest_time_s, longest_time_s)
+
+
+# A fit simulates with the same order time and again, and its modes cost it as much as a thousand samples.
+@lru_cache(maxsize=64)
+def _modes_between(order: float, accuracy: float, shortest_time_s: float, longest_time_s: float) -> CreepModes:
+    modes = _cut_modes(order, *_node_range(accuracy, shortest_time_s, longest_time_s))
+    for shared in (modes.rates_per_s, modes.weights):
+        shared.flags.writeable = False
+    return modes
 
 
 def shortest_time_for(step_s: float) -> float:

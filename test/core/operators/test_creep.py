@@ -16,13 +16,12 @@ from fomrc_core.operators.creep import (
     creep_block,
     creep_modes,
     creep_modes_slope,
-    differentiate,
     differentiate_step,
-    integrate,
     integrate_step,
     mode_states,
     step_response,
 )
+from fomrc_core.operators.creep_batch import differentiate, integrate
 from fomrc_core.operators.creep_full_memory import creep_full_memory
 
 ORDERS = [1e-9, 1e-4, 0.003, 0.015, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.9999, 1.0 - 1e-9]
@@ -171,6 +170,31 @@ def test_batch_equals_stepwise(data, order):
         batch(split, 0, y[:cut], dt[:cut], parts[:cut])
         batch(split, 0, y[cut:], dt[cut:], parts[cut:])
         assert relative(parts, stepwise) <= 1e-12
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), order=st.floats(0.0, 1.0), n_lengths=st.sampled_from((1, 3, 20)))
+def test_steps_in_parts_and_a_clock_that_jitters_equal_single_steps(seed, order, n_lengths):
+    # runs of one to thirty steps, their lengths few or more than are kept; what comes out in the place of what goes in
+    rng = np.random.default_rng(seed)
+    runs = rng.integers(1, 31, size=40)
+    lengths = 1e-3 / rng.integers(1, n_lengths + 1, size=40)
+    dt = np.repeat(lengths, runs) * (rng.uniform(0.9, 1.1, runs.sum()) if rng.random() < 0.2 else 1.0)
+    y = np.cumsum(rng.normal(size=dt.size))
+    for batch, one_step in ((integrate, integrate_step), (differentiate, differentiate_step)):
+        block, whole = creep_block(creep_modes(order)), creep_block(creep_modes(order))
+        stepwise = np.array([one_step(block, 0, v, s) for v, s in zip(y, dt, strict=True)])
+        out = y.copy()
+        batch(whole, 0, out, dt, out)
+        assert relative(out, stepwise) <= 1e-12
+        assert relative(batch_goes_on(batch, whole, dt), batch_goes_on(batch, block, dt)) <= 1e-12
+
+
+def batch_goes_on(batch, block, dt):
+    """Return what some more samples give, which tells every part of the state."""
+    out = np.ones(dt.size)
+    batch(block, 0, out, dt[::-1].copy(), out)
+    return out
 
 
 def test_a_long_step_equals_many_short_ones_on_a_ramp():
