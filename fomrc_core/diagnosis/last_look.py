@@ -79,9 +79,11 @@ def looked_at_last(
             continue
         if is_hasty and step.margin > SURE:
             continue
-        # what belongs to single records was compared when it was accepted, but for the first of a pair
+        # what belongs to single records was compared when it was accepted, but for the first of a pair; a rival that
+        # did as well then may have been found since, and says nothing any more
         is_bound = step.accepted.is_bound
-        if (is_bound and not math.isnan(step.margin)) or not cause_classes()[name].is_exchangeable:
+        was_sure = step.margin > SURE and step.whitened_margin > SURE
+        if (is_bound and was_sure) or not cause_classes()[name].is_exchangeable:
             continue
         if not final.model.has(name):
             continue
@@ -89,7 +91,7 @@ def looked_at_last(
             looked[at] = replace(step, margin=math.nan, whitened_margin=math.nan)
             continue
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
-        # the first of such a pair is only compared: nothing takes its place
+        # such a one is only compared: nothing takes its place
         better = None if is_bound else _better(own, candidates, final, split, len(causes))
         if better is not None:
             return LastLook(tuple(steps), (at, better))

@@ -174,6 +174,8 @@ def _asked(
         if accepted is not None:
             likeliest = likelier(accepted, candidates, split, len(causes))
             candidates = with_kin(likeliest, candidates, present, split, causes)
+            # of two lags much alike the one that began far off may be the right one
+            likeliest = likelier(likeliest, candidates, split, len(causes))
             return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)

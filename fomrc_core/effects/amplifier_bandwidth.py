@@ -84,6 +84,13 @@ class AmplifierBandwidth(Effect):
         """Return 1 / (1 + i f / f_c) [1] at frequencies [Hz]."""
         return np.asarray(1.0 / (1.0 + 1j * frequency_hz / self.cutoff_hz))
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the sensor of one pole and the delay that lag as much where all is slow."""
+        return {
+            "sensor_bandwidth": {"cutoff_hz": self.cutoff_hz, "n_poles": 1.0, "in_stages": 0.0},
+            "transport_delay": {"delay_s": float(self.time_constant_s)},
+        }
+
     def step_form(self, shortest_part_s: float) -> StepForm:
         """Return the step for a controller."""
         return StepForm(

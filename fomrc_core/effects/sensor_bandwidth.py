@@ -89,9 +89,15 @@ class SensorBandwidth(Effect):
         return pairs_form(*self._modes)
 
     def kin(self) -> dict[str, dict[str, float]]:
-        """Return the delay that lags as much where all is slow: many poles are one (Pade)."""
+        """Return the delay and the amplifier that lag as much where all is slow: many poles are a delay (Pade)."""
         poles, gains = (values[:, 0] + 1j * values[:, 1] for values in self._modes)
-        return {"transport_delay": {"delay_s": -float(np.sum((gains / poles).real))}}
+        delay_s = -float(np.sum((gains / poles).real))
+        if not delay_s > 0.0:
+            return {"transport_delay": {"delay_s": delay_s}}
+        return {
+            "transport_delay": {"delay_s": delay_s},
+            "amplifier_bandwidth": {"cutoff_hz": 1.0 / (2.0 * np.pi * delay_s)},
+        }
 
     def other_forms(self) -> list[SensorBandwidth]:
         """Return sensors of other poles that lag as much where all is slow."""

@@ -111,7 +111,7 @@ class TransportDelay(Effect):
         return self.delay_s == 0.0
 
     def kin(self) -> dict[str, dict[str, float]]:
-        """Return the hold, and the sensor of four poles, that lag as much where all is slow.
+        """Return the hold, the sensor of four poles and the amplifier that lag as much where all is slow.
 
         A hold lags by half of its time. A Butterworth sensor's denominator begins 1 + b s + b^2 s^2 / 2 as a delay's
         does, b twice the sum of the sines of its poles' angles over the cutoff.
@@ -123,6 +123,7 @@ class TransportDelay(Effect):
         return {
             "zero_order_hold": {"hold_s": 2.0 * self.delay_s},
             "sensor_bandwidth": {"cutoff_hz": cutoff_hz, "n_poles": 4.0, "in_stages": 0.0},
+            "amplifier_bandwidth": {"cutoff_hz": 1.0 / (2.0 * math.pi * self.delay_s)},
         }
 
     def step_form(self, shortest_part_s: float) -> StepForm:

@@ -42,9 +42,12 @@ def main() -> None:
 
 def rows_of(outcomes: list[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the evidence of every name, whether it is right, and the number of its case, shapes (n, k), (n,), (n,)."""
+    from fomrc_core.effects import effect_classes
+
     evidence, is_right, case = [], [], []
     for number, outcome in enumerate(outcomes):
-        right = accepted(outcome) - set(outcome["spec"]["excluded"])
+        # what went before a record is no effect, and cannot be taken out
+        right = accepted(outcome) - (set(outcome["spec"]["excluded"]) & set(effect_classes()))
         for found in outcome["findings"]:
             if "evidence" in found:
                 evidence.append(found["evidence"])

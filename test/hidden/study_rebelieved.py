@@ -30,13 +30,10 @@ def rebelieved(outcome: dict[str, Any]) -> dict[str, Any]:
     import numpy as np
 
     from fomrc_core.diagnosis.judgement import _LEAST_EXPLAINING
-    from fomrc_core.model.causes import cause_classes
 
     if not outcome["findings"]:
         return outcome
     for found in outcome["findings"]:
-        *others, _, sureness = found["evidence"]
-        found["evidence"] = [*others, float(cause_classes()[found["cause"]].bends_to_much), sureness]
         found["probability"] = float(told_by(standing_weights(), np.array([found["evidence"]]))[0])
     together = math.prod(found["probability"] for found in outcome["findings"])
     doubts = [doubt for doubt in outcome["doubts"] if _OF_NAMES not in doubt]

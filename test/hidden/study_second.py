@@ -1,7 +1,7 @@
 """The second world in the study: its cases, and one case run from its seed to its outcome.
 
-Seeds 10000 to 19999 are for development, 170000 to 179999 for reporting: what is mended is never what is reported.
-Those from 20000 to 29999 and from 60000 to 169999 were for reporting before: what came after was decided with their
+Seeds 10000 to 19999 are for development, 180000 to 189999 for reporting: what is mended is never what is reported.
+Those from 20000 to 29999 and from 60000 to 179999 were for reporting before: what came after was decided with their
 answers in sight.
 """
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fomrc_core.model.piezo_model import PiezoModel
 
 GROUPS = ("null", "known", "new", "removed", "pairs", "triples", "faults", "forms", "scales", "long")
-FIRST_SEED = {"development": 10_000, "reporting": 170_000}
+FIRST_SEED = {"development": 10_000, "reporting": 180_000}
 _USUAL = (2000, 20_000)
 _LENGTHS = {"scales": (200, 3000), "long": (50_000, 100_000)}
 # Pairs and triples of causes that a stage has at once; a lack of a model's elements is no effect among effects.
@@ -108,7 +108,7 @@ def plan(group: str, seeds: str = "reporting", n_seeds: int | None = None) -> li
     elif group in ("pairs", "triples"):
         many, usual = (2, 1) if group == "pairs" else (3, 1)
         n_drawn = 30 if group == "pairs" else 16
-        kinds = [{"causes": tuple(sorted(rng.choice(_COMBINED, many, replace=False)))} for _ in range(n_drawn)]
+        kinds = [{"causes": _drawn_together(rng, many)} for _ in range(n_drawn)]
     elif group == "faults":
         with_load = [{"faults": (k,), "causes": ("external_load",)} for k in FAULT_KINDS]
         kinds, usual = [*({"faults": (k,)} for k in FAULT_KINDS), *with_load], 1
@@ -123,6 +123,14 @@ def plan(group: str, seeds: str = "reporting", n_seeds: int | None = None) -> li
         raise ValueError(f"group {group!r}, one of {GROUPS}")
     many = n_seeds or usual
     return [SecondSpec(group, start + len(kinds) * k + i, **kind) for k in range(many) for i, kind in enumerate(kinds)]
+
+
+def _drawn_together(rng: np.random.Generator, many: int) -> tuple[str, ...]:
+    while True:
+        causes = tuple(sorted(rng.choice(_COMBINED, many, replace=False)))
+        # one stack of plays has either of these: its truth has no form that is both
+        if not {"asymmetric_hysteresis", "rate_dependent_hysteresis"} <= set(causes):
+            return causes
 
 
 def model_of(case: SecondCase) -> PiezoModel | None:
