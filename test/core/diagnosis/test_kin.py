@@ -13,6 +13,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.decision import margin_of
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.effects import Effect, effect_classes
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.creep_law import CreepLaw
@@ -23,6 +24,7 @@ from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.effects.voltage_dependent_capacitance import VoltageDependentCapacitance
+from fomrc_core.effects.zero_order_hold import ZeroOrderHold
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
@@ -122,6 +124,25 @@ def test_a_delay_is_near_to_the_hold_and_the_sensor_that_lag_as_much() -> None:
     # and back again
     assert sensor.kin()["transport_delay"]["delay_s"] == pytest.approx(0.02, rel=1e-9)
     assert TransportDelay(delay_s=0.0).kin() == {}
+
+
+@pytest.mark.parametrize(
+    "lag",
+    [TransportDelay(0.02), AmplifierBandwidth(8.0), SensorBandwidth(9.0, 3.0), SensorBandwidth(20.0, 2.0, 1.0)],
+    ids=["delay", "amplifier", "sensor", "sensor of two stages"],
+)
+def test_lags_are_near_to_those_that_are_as_late_where_all_is_slow(lag: Effect) -> None:
+    def late_s(effect: Effect) -> float:
+        ramp = np.arange(1, 4001) * 1e-3
+        return float(ramp[-1] - effect.run(effect.initial_state(), ramp, np.full(ramp.size, 1e-3))[-1])
+
+    near = [kind.proposed([parameters])[0] for kind, parameters in _kin_of(lag) if kind is not ZeroOrderHold]
+    assert {kind.name for kind in near} | {lag.name} == {"transport_delay", "amplifier_bandwidth", "sensor_bandwidth"}
+    assert [late_s(kind) for kind in near] == pytest.approx([late_s(lag)] * len(near), rel=1e-3)
+
+
+def _kin_of(effect: Effect) -> list[tuple[type[Effect], dict[str, float]]]:
+    return [(effect_classes()[name], parameters) for name, parameters in effect.kin().items()]
 
 
 def test_plays_that_count_no_further_from_one_voltage_on_are_near_to_an_amplifier_that_ends_there() -> None:

@@ -88,6 +88,23 @@ def test_the_margin_is_that_beside_all_others(split: DataSplit, monkeypatch: pyt
     assert steps[1].margin == 50.0, "the last was accepted beside all the others"
 
 
+@pytest.mark.parametrize(
+    ("margin", "whitened", "is_asked"), [(7.0, -800.0, True), (80.0, -800.0, True), (80.0, 90.0, False)]
+)
+def test_a_load_that_was_not_sure_while_others_were_hidden_is_compared_again_and_nothing_takes_its_place(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, margin: float, whitened: float, is_asked: bool
+) -> None:
+    own = replace(_candidate(split, "voltage_dependent_capacitance", 1.0, 1), is_bound=True)
+    far, same = _candidate(split, "transport_delay", 3.0, 1), _candidate(split, "amplifier_bandwidth", 1.0, 1)
+    monkeypatch.setattr(last_look, "_in_place_of", lambda *_: (own, [far], (same,)))
+    first = Step(own.fitted.model, own, (), (), margin=margin, whitened_margin=whitened)
+    last = Step(own.fitted.model, _candidate(split, "dead_zone", 1.0, 1), (), (), margin=50.0)
+    look = looked_at_last((first, last), own.fitted, split, (), None)
+    assert look.better is None
+    told = look.steps[0].margin, look.steps[0].whitened_margin
+    assert told == ((margin, whitened) if not is_asked else pytest.approx((0.0, 0.0), abs=1e-9))
+
+
 def test_what_may_not_be_compared_any_more_has_no_margin(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
     own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
     monkeypatch.setattr(last_look, "_in_place_of", lambda *_: pytest.fail("asked all the same"))
