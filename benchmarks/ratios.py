@@ -85,7 +85,8 @@ rounds taken in turns.
 
 - The C reference (`benchmarks/reference.c`) is the same algorithm as one would write it first, one sample after the
   other with strict sums; outputs agree to 1e-12. Ratios below 1 mean that this package is the faster one: its batch
-  kernels use shifted modes (see `fomrc_core/operators/creep.py`), two operations a mode, and sums in any order.
+  kernels take four samples of creep at once, or two operations a mode (see `fomrc_core/operators/creep_batch.py`), and
+  sums in any order.
 - Rivals run in an environment of their own with the versions named, on the same inputs. Errors are relative to
   the largest value, against the defining sum in extended precision.
 """

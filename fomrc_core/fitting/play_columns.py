@@ -168,7 +168,7 @@ def _fill_equal_steps(
     n_modes = int(block[N_MODES])
     plays, slopes, now, before = (np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns), np.zeros(n_columns))
     factor, widths, per_threshold = 1.0, thresholds.copy(), np.ones(n_columns)
-    # The shifted modes of creep.py, a row for each mode, padded to whole groups of four with modes that weigh nothing
+    # Shifted modes as in creep_batch.py, a row each, padded to whole groups of four with modes that weigh nothing
     n_rows = 4 * ((n_modes + 3) // 4)
     modes = np.zeros((n_rows, n_columns))
     past = np.zeros(n_columns)  # their weighted sum

@@ -3,7 +3,7 @@
 The same equations as ``PiezoModel`` and ``Compensator`` of models without effects, actuator by actuator. Numbers of all
 actuators lie in one array each, a row for each actuator. The creep modes of all share their rates (creep_modes.py), so
 that what a step makes of them is computed once; they are kept shifted and scaled, as in a batch of equal steps
-(operators/creep.py): two operations a mode.
+(operators/creep_batch.py): two operations a mode.
 """
 
 from __future__ import annotations
