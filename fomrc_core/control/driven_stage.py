@@ -132,7 +132,7 @@ def _effects_of(compensator: Compensator, preview: PreviewInverse | None) -> tup
     """Return the effects of the whole model, in the order of the chain."""
     beside = () if preview is None else (*preview.amplifier, *preview.mechanics)
     effects = [effect for effect in (*compensator.model.effects, *beside) if not effect.is_null()]
-    return tuple(sorted(effects, key=lambda effect: (effect.stage, effect.order)))
+    return tuple(sorted(effects, key=lambda effect: (effect.stage, effect.place)))
 
 
 def _forward_state(compensator: Compensator, memory: ActuatorMemory) -> tuple[int, Array]:

@@ -34,6 +34,10 @@ class DriveResonance(SecondOrder):
     inverse_note: ClassVar[str] = "not inverted: it takes the second derivative of the voltage; use smooth targets"
     size_exponent: ClassVar[float] = -0.5
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the mass that rings alike: but for the loops of what it drives nothing tells the two apart."""
+        return {"mechanical_resonance": {"frequency_hz": self.frequency_hz, "damping_ratio": self.damping_ratio}}
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[DriveResonance]:
         """Return well damped frequencies over the band, and a lightly damped one where the residual rings most."""

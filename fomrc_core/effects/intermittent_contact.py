@@ -185,11 +185,18 @@ class IntermittentContact(Effect):
         return bool(self.opens_s)
 
     def special_case(self) -> dict[str, float]:
-        """Return the kink of a stage that is let go where it was touched: its own motion is less by what is taken."""
+        """Return the kink of a stage that is let go where it was touched: its own motion is less by what is taken.
+
+        What is touched is what the sensor sees, behind all masses.
+        """
         if self.opens_s:
             return {}
         follows = 1.0 - self.stiffness_share
-        return {"kink_um": follows * self.contact_um, "slope_change": self.stiffness_share / follows}
+        return {
+            "kink_um": follows * self.contact_um,
+            "slope_change": self.stiffness_share / follows,
+            "behind_masses": 1.0,
+        }
 
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether at most openings the stage misses what the drive does, and has it back at once.

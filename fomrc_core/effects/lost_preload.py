@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm
+
+_BEHIND_MASSES = 24.0  # of the order among mechanics: modes stand before it, a sensor's filter behind
 
 
 def _bend(c: Fields, value: float) -> Number:
@@ -25,6 +27,7 @@ def _unbend(c: Fields, value: float) -> Number:
 class LostPreload(Effect):
     """A kink: below one displacement the stage moves by another share of what the actuator does.
 
+    The joint that gives way may stand before the masses that ring or behind them: then it bends what rings as well.
     Displacement is counted from rest before and behind it: a delay or a mass that follows begins at rest as well.
     """
 
@@ -34,8 +37,10 @@ class LostPreload(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("kink_um", "um", -1e6, 1e6, description="displacement of the kink"),
         Parameter("slope_change", "1", -0.999, 10.0, description="relative change of the slope below it"),
+        Parameter("behind_masses", "1", 0.0, 1.0, description="1: the joint is behind what rings; 0: before it"),
     )
     main_parameter: ClassVar[str] = "kink_um"
+    held_parameters: ClassVar[tuple[str, ...]] = ("behind_masses",)
     linear_parameters: ClassVar[tuple[str, ...]] = ("slope_change",)
     meaning: ClassVar[str] = "Spring or glue no longer press the stage on: below one displacement a joint gives way."
     signature: ClassVar[str] = "residual is one broken line of the displacement, the same on the way up and down"
@@ -49,6 +54,24 @@ class LostPreload(Effect):
 
     kink_um: float
     slope_change: float
+    behind_masses: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "behind_masses", float(round(self.behind_masses)))
+
+    @property
+    def place(self) -> float:
+        """Return where among the mechanics it acts: before modes, or behind them and before the sensor."""
+        return _BEHIND_MASSES if self.behind_masses else self.order
+
+    def form(self) -> tuple[str, ...]:
+        """Return the parameters a fit moves, and where the joint stands."""
+        return (*super().form(), f"{self.behind_masses:.0f}")
+
+    def other_forms(self) -> list[LostPreload]:
+        """Return it on the other side of the masses."""
+        return [replace(self, behind_masses=1.0 - self.behind_masses)]
 
     def initial_state(self) -> Array:
         """Return an empty state: the kink has no memory."""

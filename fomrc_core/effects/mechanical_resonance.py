@@ -38,6 +38,10 @@ class MechanicalResonance(SecondOrder):
     paper_section: ClassVar[str] = "4.4"
     size_exponent: ClassVar[float] = -0.5
 
+    def kin(self) -> dict[str, dict[str, float]]:
+        """Return the amplifier that swings alike: what it drives rings with it."""
+        return {"drive_resonance": {"frequency_hz": self.frequency_hz, "damping_ratio": self.damping_ratio}}
+
     @classmethod
     def screening(cls, evidence: Evidence) -> list[MechanicalResonance]:
         """Return well damped frequencies over the band, and lightly damped ones where the residual's spectrum peaks.

@@ -66,6 +66,11 @@ class Effect(Cause):
         shown = (f"{name}: {len(v)} values" if isinstance(v, tuple) else f"{name} {v:.5g}" for name, v in values)
         return f"{self.name} ({', '.join(shown)})"
 
+    @property
+    def place(self) -> float:
+        """Return where within its stage it acts: ``order``, but for a cause that may stand in several places."""
+        return self.order
+
     @abstractmethod
     def initial_state(self) -> Array:
         """Return the state at rest, shape (n_state,)."""
@@ -319,4 +324,4 @@ class Effect(Cause):
 
 def in_chain_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Return effects in the order in which they act."""
-    return tuple(sorted(effects, key=lambda effect: (effect.stage, effect.order, effect.name)))
+    return tuple(sorted(effects, key=lambda effect: (effect.stage, effect.place, effect.name)))
