@@ -12,7 +12,8 @@ import numpy as np
 
 from benchmarks.subjects import ROOT, STEP_S, table_1
 from benchmarks.timing import Row, best_of
-from fomrc_core.operators.creep import creep_block, creep_modes, integrate
+from fomrc_core.operators.creep import creep_block, creep_modes
+from fomrc_core.operators.creep_batch import integrate
 from fomrc_core.operators.creep_full_memory import creep_full_memory
 from fomrc_core.operators.hysteresis import hysteresis_block, move_stops_batch
 

@@ -8,7 +8,7 @@ from new_effects import NEW_EFFECTS
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, lsim
 
-from fomrc_core.effects import Stage, in_chain_order
+from fomrc_core.effects import Stage
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.amplitude_dependent_creep import AmplitudeDependentCreep
 from fomrc_core.effects.backlash import Backlash
@@ -132,35 +132,6 @@ def test_a_contact_that_does_not_cling_is_a_bend_like_that_of_a_lost_preload() -
     slope, offset = np.polyfit(bent, touched, 1)
     np.testing.assert_allclose(touched, slope * bent + offset, atol=1e-12)
     assert IntermittentContact.generalizes == LostPreload.name
-
-
-@pytest.mark.parametrize(
-    ("behind_masses", "order"),
-    [
-        (0.0, ["lost_preload", "mechanical_resonance", "sensor_bandwidth"]),
-        (1.0, ["mechanical_resonance", "lost_preload", "sensor_bandwidth"]),
-    ],
-)
-def test_a_joint_gives_way_before_the_masses_or_behind_them(behind_masses: float, order: list[str]) -> None:
-    joint = LostPreload(0.01, 0.25, behind_masses)
-    chain = in_chain_order((SensorBandwidth(300.0), joint, MechanicalResonance(90.0, 0.05)))
-    assert [effect.name for effect in chain] == order
-    assert joint.other_forms() == [LostPreload(0.01, 0.25, 1.0 - behind_masses)]
-    steps_s, drive_v = uneven()
-    ringing = MODEL.with_effects(MechanicalResonance(90.0, 0.05))
-    bent = joint.run(joint.initial_state(), ringing.simulate(steps_s, drive_v), steps_s)
-    moved = ringing.with_effects(MechanicalResonance(90.0, 0.05), joint).simulate(steps_s, drive_v)
-    assert np.allclose(moved, bent, atol=1e-12) == bool(behind_masses), "behind them what rings is bent"
-
-
-def test_a_contact_that_does_not_cling_is_near_to_a_joint_behind_the_masses() -> None:
-    kink = LostPreload(**IntermittentContact(contact_um=0.5, stiffness_share=0.2).kin()["lost_preload"])
-    assert (kink.kink_um, kink.slope_change, kink.behind_masses) == (0.4, 0.25, 1.0)
-
-
-def test_a_mass_and_an_amplifier_that_ring_alike_are_near_to_each_other() -> None:
-    assert MechanicalResonance(90.0, 0.05).kin() == {"drive_resonance": {"frequency_hz": 90.0, "damping_ratio": 0.05}}
-    assert DriveResonance(90.0, 0.05).kin() == {"mechanical_resonance": {"frequency_hz": 90.0, "damping_ratio": 0.05}}
 
 
 @pytest.mark.parametrize("per_v", [0.2, -0.15])

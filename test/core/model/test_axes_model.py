@@ -72,7 +72,10 @@ def test_a_state_that_was_saved_goes_on_bit_for_bit() -> None:
     state = model.initial_state()
     model.simulate(steps[:50], drive[:50], state)
     restored = model.restored_state(state.to_mapping())
-    assert np.array_equal(model.simulate(steps[50:], drive[50:], restored), model.simulate(steps, drive)[50:])
+    gone_on = model.simulate(steps[50:], drive[50:], restored)
+    assert np.array_equal(gone_on, model.simulate(steps[50:], drive[50:], state.copy()))
+    # creep of a batch takes four samples at once: cut elsewhere it differs by rounding
+    assert gone_on == pytest.approx(model.simulate(steps, drive)[50:], rel=1e-12, abs=1e-12)
     with pytest.raises(ParameterError, match="state does not fit"):
         _model(3).restored_state(state.to_mapping())
 

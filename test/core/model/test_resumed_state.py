@@ -9,7 +9,8 @@ import pytest
 
 from fomrc_core.model.compensator import Compensator
 from fomrc_core.model.piezo_model import ModelState, PiezoModel
-from fomrc_core.operators.creep import creep_block, creep_modes, differentiate, integrate
+from fomrc_core.operators.creep import creep_block, creep_modes
+from fomrc_core.operators.creep_batch import differentiate, integrate
 
 _STEP_S = 1e-3
 _LINE = 8  # numbers in 64 bytes, the widest a processor loads at once
