@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -57,6 +58,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder for model and figures")
     parser.add_argument("--fast", action="store_true", help="fast rasters on a stage that rings instead")
     options = parser.parse_args(arguments)
+    # its nodes are in sessions of their own: a demo that is told to end must end them first
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     return run_fast(options.output) if options.fast else run(options.output)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -134,3 +136,30 @@ def test_waits_for_a_processor_are_counted() -> None:
     gone = ProcessorWaits([crowd[0].pid, os.getpid()])
     assert gone.longest_s() >= 0.0
     gone.close()
+
+
+def _nodes_in(temporary: Path) -> list[int]:
+    """Return the process numbers of nodes whose files are in a demo's own temporary folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):  # it may just have ended
+            command = (path.parent / "cmdline").read_bytes()
+            if f"TMPDIR={temporary}".encode() in path.read_bytes() and b"fomrc_ros.demo" not in command:
+                found.append(int(path.parent.name))
+    return found
+
+
+def test_a_demo_that_is_told_to_end_ends_its_nodes(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fomrc_ros.demo", "--output", str(tmp_path / "results")]
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 120.0
+        while len(_nodes_in(tmp_path)) < 3:
+            assert process.poll() is None, "it ended before its nodes were up"
+            assert time.monotonic() < deadline
+            time.sleep(0.2)
+        process.send_signal(signal.SIGTERM)
+        said, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert said.rstrip().endswith("stopped")
+    assert _nodes_in(tmp_path) == []
