@@ -19,6 +19,9 @@ _ROUNDING = 1e-9  # of the range
 _JUMPED_SHARE = 0.3
 _N_STUCK_MIN = 5
 _RELEASE = 0.5  # of what the drive did meanwhile: what comes at once when a stuck sensor reads again
+# Releases of a sensor that stuck are as large as what the drive did meanwhile, here much and there little. So many of
+# one size, to a factor of two, are the steps of a converter, each of which a slow drive waits for.
+_N_ALIKE, _ALIKE = 8, 2.0
 _BACK = 0.5  # of the jump: how near a record is, after a dropout, to where it was, what the drive did taken out
 
 
@@ -103,6 +106,9 @@ def find_stuck(
     if np.any(is_released):
         steps = own_steps_um(around, after[is_released])
         is_released[is_released] = ~are_like_steps(np.abs(jump[is_released]), steps)
+    if np.count_nonzero(is_released) >= _N_ALIKE:
+        small, large = np.quantile(np.abs(jump[is_released]), (0.1, 0.9))
+        is_released &= large > _ALIKE * small
     moved = np.array([float(np.ptp(voltage_v[a:b])) for a, b in zip(starts, stops, strict=True)]) * around.gain
     # by chance: as often as the other readings are equal to the one before
     share = (n_equal - length + 2.0) / displacement_um.size

@@ -57,6 +57,28 @@ def test_a_drive_of_coarse_steps_is_neither_stuck_nor_clipped_nor_dropping_out()
     assert told == []
 
 
+@pytest.mark.parametrize("n_levels", [16, 24])
+@pytest.mark.parametrize("step", [1e-3, 3e-3])
+def test_steps_of_a_converter_that_a_slow_drive_waits_for_are_no_sensor_that_stuck(n_levels: int, step: float) -> None:
+    # every step of the record comes after equal readings, for the noise is less than the sensor's own step
+    t = np.linspace(0.0, 1.0, N)
+    rng = np.random.default_rng(7)
+    drive = sum(np.sin(2.0 * np.pi * (k * t + rng.random())) / k for k in (2, 3, 5))
+    unit = (drive - np.min(drive)) / float(np.ptp(drive))
+    read = np.round(loop(np.round(unit * n_levels) / n_levels) / step) * step
+    assert [str(fault) for fault in examine(_record(unit, read)).quality.faults] == []
+
+
+def test_a_sensor_that_stuck_many_times_is_found(sound: Recording) -> None:
+    rng = np.random.default_rng(4)
+    begins, lengths = np.arange(150, N - 150, 300), rng.integers(8, 40, 13)
+    at = [np.arange(begin, begin + length) for begin, length in zip(begins, lengths, strict=True)]
+    spoilt = sound
+    for stretch in at:
+        spoilt = _spoilt(spoilt, stretch, float(spoilt.measured_um[stretch[0] - 1]))
+    assert len(_found(examine(spoilt).quality, FaultKind.STUCK) & set(np.concatenate(at).tolist())) > 0.8 * sum(lengths)
+
+
 @pytest.fixture(scope="module")
 def sound() -> Recording:
     """A triangle with white noise of 1e-4 of the range."""
