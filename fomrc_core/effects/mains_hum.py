@@ -154,6 +154,9 @@ class MainsHum(Effect):
                 for known in (1, 2, 3)
             )
             if harmonics and not is_taken:
+                if len(harmonics) > 1:
+                    # its harmonics tell it, also where a drive is there: they have no other reason to be where they are
+                    harmonics.setdefault(1, max(harmonics.values()) / max(harmonics))
                 trials.append(_tone(record, harmonics))
         return cls.proposed(trials[:_N_TRIALS])
 

@@ -53,6 +53,23 @@ def test_a_line_of_the_drive_of_any_record_is_no_hum() -> None:
     assert MainsHum.screening(Evidence((apart,), 1e-4))[0].frequency_hz == pytest.approx(27.5, 1e-3)
 
 
+def test_a_tone_whose_fundamental_lies_under_the_drive_is_told_by_its_harmonics() -> None:
+    n, step_s, frequency_hz = 12_000, 1e-3, 9.0
+    t = np.arange(n) * step_s
+    drive_v = np.sin(2 * np.pi * frequency_hz * t)
+    tone = [0.3 * np.sin(2 * np.pi * k * frequency_hz * t + k) for k in (1, 2, 3)]
+    noise = 1e-4 * np.random.default_rng(5).standard_normal(n)
+    still = record_of(sweep(n, 7.0), sum(tone) + noise, step_s)
+    driven = record_of(drive_v, np.zeros(n), step_s)
+    # elsewhere a drive has this line: alone it is no tone of its own, with its harmonics it is
+    alone = record_of(still.voltage_v, tone[0] + noise, step_s)
+    trials = MainsHum.screening(Evidence((alone,), 1e-4, (driven,)))
+    assert all(abs(trial.frequency_hz - frequency_hz) > 0.5 for trial in trials)
+    found = MainsHum.screening(Evidence((still,), 1e-4, (driven,)))[0]
+    assert found.frequency_hz == pytest.approx(frequency_hz, rel=1e-3)
+    assert found.amplitude_um == pytest.approx(0.3, rel=0.1)
+
+
 def test_a_drift_of_few_cycles_is_no_hum_and_a_slow_tone_is_one() -> None:
     n, step_s = 6000, 0.1
     t = np.arange(n) * step_s
