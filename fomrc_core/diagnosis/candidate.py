@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _MAX_CANDIDATES = 8  # refitted in one round: as many as there are kinds of lag, which screen alike
 _MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
+_MOST_QUICK = 2  # beside them, of those that are surest once what is slow is taken out: mostly they are among them
 _LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
 _ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
 _CLOSE_TO_BEST = 0.2  # of what the best signature explains; a cause that explains less waits for another round
@@ -199,7 +200,8 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
     limit = max(limit, _LEAST_SHARE * error)
     by_cause: dict[str, list[Screened]] = {}
     for trial in screened:
-        if trial.explained > limit or trial.explained_held > held_limit:
+        is_sure = trial.explained > limit or trial.beside_slow > _MIN_SCREENED
+        if is_sure or trial.explained_held > held_limit:
             by_cause.setdefault(trial.name, []).append(trial)
     if not by_cause:
         # what a large effect explains at full size its slope does not tell
@@ -212,6 +214,9 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
     likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
     held = {name: max(t.explained_held for t in trials) for name, trials in by_cause.items()}
     likely += [name for name in _likely(held) if name not in likely]
+    quick = {name: max(t.beside_slow for t in trials) for name, trials in by_cause.items()}
+    surest = sorted((name for name in quick if quick[name] > _MIN_SCREENED), key=lambda name: -quick[name])
+    likely += [name for name in surest[:_MOST_QUICK] if name not in likely]
     most_held = max(held.values())
 
     def worth(trial: Screened) -> float:

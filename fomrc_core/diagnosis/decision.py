@@ -19,13 +19,13 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.noise import autocorrelation_inflation
 from fomrc_core.records.whitening import burg
 
-_SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
+SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.
 _NEARLY, _HARDLY = 0.7, 0.15
 # Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop,
 # so that less is no finding.
-_RICH_GAIN = 0.16
+RICH_GAIN = 0.16
 _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
 _MOST_ORDER = 16  # of the process that noise is: a sensor's filter and a slow wander
@@ -38,14 +38,14 @@ def is_accepted(candidate: Candidate, n_causes: int) -> bool:
     return (
         candidate.is_plausible
         and candidate.is_distinguishable
-        and _is_learnt(candidate)
-        and candidate.score.p_value < _SIGNIFICANCE / n_causes
+        and is_learnt(candidate)
+        and candidate.score.p_value < SIGNIFICANCE / n_causes
         and candidate.score.is_worthwhile()
-        and (candidate.score.log_gain >= _RICH_GAIN or not candidate.brings_plays)
+        and (candidate.score.log_gain >= RICH_GAIN or not candidate.brings_plays)
     )
 
 
-def _is_learnt(candidate: Candidate) -> bool:
+def is_learnt(candidate: Candidate) -> bool:
     """Return whether training speaks for a candidate: what teaches nothing has only shaken the base.
 
     One without anything to fit has nothing to learn: of it held-out data, which no fit has seen, say as much, unless
@@ -106,7 +106,7 @@ def is_surely_better(other: Candidate, winner: Candidate) -> bool:
     if not _is_same_data(winner, other):
         return False
     added = held_out_score(list(winner.held), list(other.held))
-    return added.p_value < _SIGNIFICANCE and added.is_worthwhile()
+    return added.p_value < SIGNIFICANCE and added.is_worthwhile()
 
 
 def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
@@ -131,7 +131,7 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
             loss += 2.0 * _cost_of_parameters(winner, other, n_effective)
         if loss >= SURE or (is_same_data and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE):
             continue
-        if leaves_noise and _likelier_by(winner, other.fitted.residual, other.held, split) > SURE:
+        if leaves_noise and likelier_by(winner, other.fitted.residual, other.held, split) > SURE:
             continue
         tied.append(other)
     return tied
@@ -178,15 +178,23 @@ def whitened_margin_of(winner: Candidate, candidates: Sequence[Candidate], split
     candidate is as likely as what it leaves is small once that is whitened: noise that wanders hides nothing of what is
     quick, and what wanders as it does says nothing.
     """
-    margins = [_likelier_by(winner, winner.before, winner.held_before, split)]
+    margins = [likelier_by(winner, winner.before, winner.held_before, split)]
     for other in candidates:
         if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
             continue
-        margins.append(_likelier_by(winner, other.fitted.residual, other.held, split))
+        margins.append(likelier_by(winner, other.fitted.residual, other.held, split))
     return min(margins)
 
 
-def _likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence[Array], split: DataSplit) -> float:
+def likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence[Array], split: DataSplit) -> float:
+    """Return by how much a candidate is likelier than another where the noise is whitened, in log likelihood [1].
+
+    Args:
+        winner: the candidate, from what it leaves of the training data the noise is known.
+        train_um: what the other one leaves of the training records [um].
+        held_um: the same of the held-out data.
+        split: records.
+    """
     own_um, others_um = (
         [v[r.is_used] - np.mean(v[r.is_used]) for v, r in zip(left, split.train, strict=True)]
         for left in (winner.fitted.residual, train_um)

@@ -17,6 +17,7 @@ from fomrc_core.compute.least_squares import normal_equations, product, whitenin
 from fomrc_core.compute.pulse import beat
 from fomrc_core.diagnosis.data_split import HeldOut
 from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.quick_view import QuickView
 from fomrc_core.effects import Effect, Stage, is_foreign
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
@@ -47,6 +48,9 @@ class Screened:
         amplitude: by which factor the instance's size explains it.
         explained_held: the same as ``explained`` on the held-out record, the linear part moved as the training
             records ask; 0 without one. What the base absorbed in training shows there.
+        beside_slow: what it explains of the part that noise that wanders as the residual does would not foresee, times
+            that part's variance, each sample counted as often as it is independent. A line far from any drive is not to
+            be mistaken, however little it is of what drifts beside it.
     """
 
     cause: Cause
@@ -55,6 +59,7 @@ class Screened:
     signature_power: float
     amplitude: float
     explained_held: float = 0.0
+    beside_slow: float = 0.0
 
     @property
     def name(self) -> str:
@@ -142,6 +147,7 @@ def screen(
     if held is not None:
         evidence = replace(evidence, beside=(held.evidence(),))
     _ = present.clear_um, present.predicted_um  # made here once, not by every thread
+    quick = QuickView.of(present)
 
     def of_cause(name: str) -> list[Screened]:
         try:
@@ -162,12 +168,12 @@ def screen(
             if isinstance(cause, Effect) and ColumnKinds.plays_of(cause).owners:
                 found.append(_screen_family(present, cause))
             elif not cause.belongs_to_record():
-                found += _screen_one(present, cause, None, held)
+                found += _screen_one(present, quick, cause, None, held)
         for i, record in enumerate(evidence.records):
             others = (*evidence.records[:i], *evidence.records[i + 1 :], *evidence.beside)
             for cause in kind.screening(Evidence((record,), present.noise_um, others)):
                 if cause.belongs_to_record():
-                    found += _screen_one(present, cause, i)
+                    found += _screen_one(present, quick, cause, i)
         return found
 
     by_cause = map(of_cause, causes) if executor is None else executor.map(of_cause, causes)
@@ -186,7 +192,9 @@ def signature(model: TrialModel, record: FitRecord, index: int, cause: Cause, pr
     return predict(with_cause, record, index, is_coarse=True) - predicted_um
 
 
-def _screen_one(present: PresentModel, cause: Cause, index: int | None, held: HeldView | None = None) -> list[Screened]:
+def _screen_one(
+    present: PresentModel, quick: QuickView, cause: Cause, index: int | None, held: HeldView | None = None
+) -> list[Screened]:
     records, directions = present.records, present.nuisance
     try:
         signatures = tuple(
@@ -208,7 +216,8 @@ def _screen_one(present: PresentModel, cause: Cause, index: int | None, held: He
     takes_either_sign = cause.takes_either_sign()
     explained = moment**2 / power if takes_either_sign or moment > 0.0 else 0.0
     explained_held = 0.0 if held is None else held.explained(present.model, cause, coefficients, takes_either_sign)
-    return [Screened(cause, index, explained, power, moment / power, explained_held)]
+    beside_slow = quick.explained(present, signatures) if explained > 0.0 else 0.0
+    return [Screened(cause, index, explained, power, moment / power, explained_held, beside_slow)]
 
 
 def _screen_family(present: PresentModel, effect: Effect) -> Screened:

@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
+from fomrc_core.diagnosis.beside_slow import found_beside_slow
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
@@ -160,7 +161,7 @@ def _asked(
 
     What looks less likely beside the likeliest is asked where of those none is a finding, and at last, however unlikely
     it looks, what takes the place of creep: a law that leaves nothing of what the power law gets wrong may begin on a
-    slope that mends none of it.
+    slope that mends none of it. What is quick is found beside something slow that nobody has found yet.
     """
     # Many arguments: one move of a search.
     candidates: list[Candidate] = []
@@ -177,6 +178,10 @@ def _asked(
             # of two lags much alike the one that began far off may be the right one
             likeliest = likelier(likeliest, candidates, split, len(causes))
             return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
+        quick = found_beside_slow(tier, split, len(causes))
+        if quick is not None:
+            candidates = with_kin(quick, candidates, present, split, causes)
+            return candidates, (state, found_beside_slow(candidates, split, len(causes)) or quick)
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
         if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
@@ -208,8 +213,10 @@ def _with_finding(
         tied += [rival for rival in rivals if rival not in tied]
     compared = [*candidates, *kin_left_out(accepted, PresentModel.of(state.model, split), split, causes)]
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
-    if state.steps and math.isnan(state.steps[-1].margin) and cause_classes()[accepted.cause].is_exchangeable:
-        # the second of a pair was not asked for beside the first: the last look compares both
+    is_second = bool(state.steps) and math.isnan(state.steps[-1].margin)
+    if (is_second or not is_accepted(accepted, len(causes))) and cause_classes()[accepted.cause].is_exchangeable:
+        # the second of a pair was not asked for beside the first, and what was found beside something slow was hidden
+        # by it: the last look compares them
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(accepted.fitted.model, split.train, executor)
