@@ -32,7 +32,7 @@ from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pa
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival
+from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -110,6 +110,7 @@ def search(
             chosen = or_pair(chosen, among)
         if chosen is None:
             tell(share + 0.07, "other causes in the place of those found")
+            state = without_wander(state, split, executor)
             look = _last_look(state, split, causes, executor, budget)
             if look.better is not None and number < _MAX_ROUNDS - 1:
                 at, rival = look.better
@@ -132,6 +133,7 @@ def search(
             tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
             # it was found beside those before it
             state = with_rival(state, at, rival, (state.steps[:at], ()), split, executor)
+    state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
-from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -91,6 +92,22 @@ def pruned(state: SearchState, split: DataSplit, executor: Executor | None) -> S
             lesser_model = state.model.as_before(step.before, name)
             state = _without_step(state, step, lesser_model, split, executor)
     return state if not state.steps or len(state.steps) == len(given) else pruned(state, split, executor)
+
+
+def without_wander(state: SearchState, split: DataSplit, executor: Executor | None) -> SearchState:
+    """Return what is left of a state when what only follows noise that wanders is taken out.
+
+    While other causes are hidden a drift is accepted for what it follows of them. Beside all that was found since it is
+    asked again, as it was then, whether noise that wanders would do the same.
+    """
+    for step in state.steps:
+        name = step.accepted.cause
+        if len(state.steps) == 1 or not state.model.has(name) or not cause_classes()[name].is_exchangeable:
+            continue
+        if gain_beyond_wander(state.final.model, name, split) <= SURE:
+            lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
+            state = _without_step(state, step, lesser.model, split, executor)
+    return state
 
 
 def _without_step(

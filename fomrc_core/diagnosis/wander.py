@@ -21,6 +21,7 @@ from fomrc_core.compute.least_squares import normal_equations, whitening_of
 from fomrc_core.compute.runs import runs_of
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.present_model import with_effects
+from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.linear_part import residuals, tangent
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.noise import autocorrelation_inflation
@@ -50,13 +51,18 @@ def gain_beyond_wander(model: TrialModel, cause: str, split: DataSplit) -> float
     """
     masks = [record.is_used for record in split.train]
     left_um = residuals(model, split.train)
-    noise = wander_of([u[mask] for u, mask in zip(left_um, masks, strict=True)], model.weights.size + 1)
+    noise = wander_of([u[mask] for u, mask in zip(left_um, masks, strict=True)], n_directions(model))
     with_it, without = (_innovations(one, split, noise) for one in (model, model.without(cause)))
     if with_it.power_um2 <= 0.0:
         return math.inf
     n_independent = with_it.n_samples / max(with_it.inflation, 1.0)
     added = max(with_it.rank - without.rank, 0)
     return 0.5 * n_independent * math.log(without.power_um2 / with_it.power_um2) - 0.5 * added
+
+
+def n_directions(model: TrialModel) -> int:
+    """Return in how many directions a model can move: weights, order of creep and each parameter of its causes."""
+    return model.weights.size + 1 + len(free_parameters(model))
 
 
 @dataclass(frozen=True)
@@ -78,17 +84,17 @@ class Wander:
         return np.concatenate(parts) if parts else values[:0]
 
 
-def wander_of(values_um: Sequence[Array], n_directions: int) -> Wander:
+def wander_of(values_um: Sequence[Array], n_moved: int) -> Wander:
     """Return the noise of which least is unforeseen of what a fit left.
 
     What forgets too slowly for a fit to leave it as it was is told as a walk.
 
     Args:
         values_um: what a fit left, contiguous stretches [um].
-        n_directions: number of directions it could move in.
+        n_moved: number of directions it could move in.
     """
     centred_um = [values - np.mean(values) for values in values_um]
-    least_forgotten = _TIMES_PER_DIRECTION * n_directions / max(1, sum(values.size for values in values_um))
+    least_forgotten = _TIMES_PER_DIRECTION * n_moved / max(1, sum(values.size for values in values_um))
     told = [Wander(1.0 - f, 1.0 - a) for f, a in _FILTERS if f == 0.0 or f >= least_forgotten]
     return min(told, key=lambda noise: _mean_square([noise.innovations(values) for values in centred_um]))
 

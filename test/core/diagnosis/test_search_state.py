@@ -1,16 +1,18 @@
-"""A cause that takes another's place: what had only mended the other goes."""
+"""What goes in the end: what had only mended another cause, and what only follows noise that wanders."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.search_state import SearchState, with_rival
+from fomrc_core.diagnosis.search_state import SearchState, with_rival, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
+from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.fitting.joint_fit import fit_until_still
 from fomrc_core.fitting.play_columns import ColumnKinds
@@ -22,8 +24,8 @@ _NOISE_UM = 1e-3
 _RATE_HZ, _DELAY = 500.0, 3
 
 
-def _split() -> DataSplit:
-    drive = triangle(1.0, slope_v_per_s=8.0, n_cycles=8, rate_hz=_RATE_HZ)
+def _split(n_cycles: int = 8) -> DataSplit:
+    drive = triangle(1.0, slope_v_per_s=8.0, n_cycles=n_cycles, rate_hz=_RATE_HZ)
     late = np.concatenate((np.zeros(_DELAY), drive.voltage_v[:-_DELAY]))
     rng = np.random.default_rng(1)
     train, test = (
@@ -51,3 +53,34 @@ def test_what_had_mended_the_one_goes_where_another_takes_its_place() -> None:
     assert [step.accepted.cause for step in after.steps] == ["transport_delay"]
     assert not after.model.has("slow_relaxation")
     assert after.final.squared_error < 1.1 * _NOISE_UM**2 * split.n_used
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("drift_um", "left"), [(0.0, ["transport_delay"]), (1.0, ["thermal_drift", "transport_delay"])]
+)
+def test_a_drift_that_follows_noise_that_wanders_goes_in_the_end(drift_um: float, left: list[str], seed: int) -> None:
+    plain, rng = _split(n_cycles=64), np.random.default_rng(seed)
+    recordings = []
+    for record in (plain.train[0].recording, plain.held[0].record.recording):
+        share = record.time_s / record.time_s[-1]
+        walk_um = np.cumsum(rng.normal(0.0, 0.3 * _NOISE_UM, share.size))
+        moved_um = record.measured_um + walk_um + drift_um * share**2
+        recordings.append(Recording(record.time_s, record.voltage_v, moved_um))
+    split = split_data((recordings[0],), recordings[1], None, _NOISE_UM)
+    base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), ()))
+    drift = ThermalDrift(0.0, um_per_s=1e-4, um_per_s2=1e-4, um_per_s3=0.0, warm_up_um=0.0, warm_up_s=1.0)
+    drifting = fit_until_still(base.with_cause(drift, 0), split.train, None)
+    both = fit_until_still(drifting.model.with_cause(TransportDelay(_DELAY / _RATE_HZ)), split.train, None)
+    steps = (
+        Step(base, candidate_of(PresentModel.of(base, split), split, "thermal_drift", drifting, bound=True), (), ()),
+        Step(
+            drifting.model,
+            candidate_of(PresentModel.of(drifting.model, split), split, "transport_delay", both, bound=False),
+            (),
+            (),
+        ),
+    )
+    after = without_wander(SearchState(both.model, steps, both, frozenset()), split, None)
+    assert [step.accepted.cause for step in after.steps] == left
+    assert after.model.has("thermal_drift") == ("thermal_drift" in left)
