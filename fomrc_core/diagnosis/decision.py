@@ -101,12 +101,18 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
 def is_surely_better(other: Candidate, winner: Candidate) -> bool:
     """Return whether what a candidate adds to another, which is a special case of it, would be a finding in itself.
 
-    In training it cannot do worse, whatever the truth; only data it was not fitted to speak for what it adds.
+    In training it cannot do worse, whatever the truth; data it was not fitted to speak for what it adds. Where
+    something else hides it there, training speaks as well, if it surely takes half of what the other leaves, which no
+    parameter takes by itself, and held-out data gain at least something.
     """
     if not _is_same_data(winner, other):
         return False
     added = held_out_score(list(winner.held), list(other.held))
-    return added.p_value < SIGNIFICANCE and added.is_worthwhile()
+    if added.p_value < SIGNIFICANCE and added.is_worthwhile():
+        return True
+    learnt = math.log(winner.fitted.squared_error / other.fitted.squared_error)
+    n_independent = sum(left.size / autocorrelation_inflation(left) for left in other.fitted.residual)
+    return learnt > _NEARLY and 0.5 * n_independent * learnt > SURE and added.log_gain > 0.0
 
 
 def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> list[Candidate]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
-from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.step import Step
@@ -19,6 +19,8 @@ from fomrc_core.model.causes import cause_classes
 
 _LEAST_SIGMAS = 3.0  # standard errors of its main parameter from zero, else a finding is noise
 AS_NOISE = 1.1  # times the noise's power: about what a floor is known to
+# In log likelihood beyond noise that wanders: a few directions that follow noise gain as much once in twenty times.
+_BY_CHANCE = 3.0
 PRUNED = 0.03  # logarithmic gain below which a finding has been taken over by those found since
 
 
@@ -104,7 +106,7 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
         name = step.accepted.cause
         if len(state.steps) == 1 or not state.model.has(name) or not cause_classes()[name].is_exchangeable:
             continue
-        if gain_beyond_wander(state.final.model, name, split) <= SURE:
+        if gain_beyond_wander(state.final.model, name, split) < _BY_CHANCE:
             lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
             state = _without_step(state, step, lesser.model, split, executor)
     return state
