@@ -52,7 +52,7 @@ class QuickView:
         )
 
     def explained(self, present: PresentModel, signatures_um: tuple[Array, ...]) -> float:
-        """Return what a signature explains of the innovations, times the variance of an independent one."""
+        """Return what a signature explains of the innovations, in units of their variance [1]."""
         used = zip(signatures_um, present.records, strict=True)
         shape = np.concatenate([self.wander.innovations(s[record.is_used]) for s, record in used])
         # the innovations are clear of the directions: only the signature's own power is not

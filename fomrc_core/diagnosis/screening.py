@@ -48,9 +48,9 @@ class Screened:
         amplitude: by which factor the instance's size explains it.
         explained_held: the same as ``explained`` on the held-out record, the linear part moved as the training
             records ask; 0 without one. What the base absorbed in training shows there.
-        beside_slow: what it explains of the part that noise that wanders as the residual does would not foresee, times
-            that part's variance, each sample counted as often as it is independent. A line far from any drive is not to
-            be mistaken, however little it is of what drifts beside it.
+        beside_slow: what it explains of the part that noise that wanders as the residual does would not foresee, in
+            units of that part's variance, each sample counted as often as it is independent [1]. A line far from any
+            drive is not to be mistaken, however little it is of what drifts beside it.
     """
 
     cause: Cause
