@@ -231,7 +231,10 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
 
 
 def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: Progress) -> tuple[Response, Response]:
-    task = progress.add_task(f"{target.name}, {target.duration_s:.0f} s{again}", total=1.0)
+    text = f"{target.name}, {target.duration_s:.0f} s{again}"
+    task = progress.add_task(text, total=1.0)
+    if not progress.console.is_terminal:
+        progress.console.print(text)  # bars are drawn at the end there, and nobody would see that it goes on
 
     def show(fraction: float) -> None:
         progress.update(task, completed=fraction)
