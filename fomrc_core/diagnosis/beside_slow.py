@@ -15,7 +15,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import RICH_GAIN, SIGNIFICANCE, is_learnt, likelier_by
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
-from fomrc_core.diagnosis.wander import gain_beyond_wander, n_directions, wander_of
+from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_beside
 
 
 def found_beside_slow(candidates: Sequence[Candidate], split: DataSplit, n_causes: int) -> Candidate | None:
@@ -44,8 +44,7 @@ def innovations_score(candidate: Candidate, split: DataSplit) -> HeldOutScore | 
     before, after = candidate.held_before, candidate.held
     if [values.size for values in before] != [values.size for values in after]:
         return None
-    left_um = [v[r.is_used] for v, r in zip(candidate.fitted.residual, split.train, strict=True)]
-    noise = wander_of(left_um, n_directions(candidate.fitted.model))
+    noise = wander_beside(candidate.fitted.model, candidate.fitted.residual, split.train)
     return held_out_score([noise.innovations(v) for v in before], [noise.innovations(v) for v in after])
 
 

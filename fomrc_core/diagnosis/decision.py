@@ -12,7 +12,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score, loses_to
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.wander import gain_beyond_wander, n_directions, wander_of
+from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_beside
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -206,7 +206,7 @@ def likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence[
         for left in (winner.fitted.residual, train_um)
     )
     # a process of some orders knows nothing of what wanders below white noise
-    wander = wander_of(own_um, n_directions(winner.fitted.model))
+    wander = wander_beside(winner.fitted.model, winner.fitted.residual, split.train)
     noise = burg([wander.innovations(values) for values in own_um], _MOST_ORDER)
     if not noise.innovation_um2 > 0.0:
         return math.nan

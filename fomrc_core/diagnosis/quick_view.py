@@ -14,7 +14,7 @@ import numpy as np
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.least_squares import gram_of, whitening_of
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.wander import Wander, n_directions, wander_of
+from fomrc_core.diagnosis.wander import Wander, wander_beside
 from fomrc_core.records.noise import autocorrelation_inflation
 
 
@@ -40,7 +40,7 @@ class QuickView:
         """Return the view of the training records."""
         masks = [record.is_used for record in present.records]
         left_um = [v[mask] for v, mask in zip(present.residuals_um, masks, strict=True)]
-        wander = wander_of(left_um, n_directions(present.model))
+        wander = wander_beside(present.model, present.residuals_um, present.records)
         moved = [c[mask] for c, mask in zip(present.nuisance.columns, masks, strict=True)]
         columns = np.concatenate([wander.innovations(c) for c in moved])
         directions = columns @ whitening_of(gram_of([(columns, np.ones(len(columns), dtype=np.bool_))]))

@@ -21,6 +21,7 @@ from fomrc_core.compute.least_squares import normal_equations, whitening_of
 from fomrc_core.compute.runs import runs_of
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.present_model import with_effects
+from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
 from fomrc_core.fitting.linear_part import residuals, tangent
 from fomrc_core.fitting.trial_model import TrialModel
@@ -49,20 +50,13 @@ def gain_beyond_wander(model: TrialModel, cause: str, split: DataSplit) -> float
         cause: its name.
         split: records, of which the training ones are asked.
     """
-    masks = [record.is_used for record in split.train]
-    left_um = residuals(model, split.train)
-    noise = wander_of([u[mask] for u, mask in zip(left_um, masks, strict=True)], n_directions(model))
+    noise = wander_beside(model, residuals(model, split.train), split.train)
     with_it, without = (_innovations(one, split, noise) for one in (model, model.without(cause)))
     if with_it.power_um2 <= 0.0:
         return math.inf
     n_independent = with_it.n_samples / max(with_it.inflation, 1.0)
     added = max(with_it.rank - without.rank, 0)
     return 0.5 * n_independent * math.log(without.power_um2 / with_it.power_um2) - 0.5 * added
-
-
-def n_directions(model: TrialModel) -> int:
-    """Return in how many directions a model can move: weights, order of creep and each parameter of its causes."""
-    return model.weights.size + 1 + len(free_parameters(model))
 
 
 @dataclass(frozen=True)
@@ -82,6 +76,20 @@ class Wander:
         """Return what of contiguous values could not be foreseen, the first left out, shape (n_samples - 1, ...)."""
         parts = list(_filtered(values, np.ones(len(values), dtype=np.bool_), self))
         return np.concatenate(parts) if parts else values[:0]
+
+
+def wander_beside(model: TrialModel, left_um: Sequence[Array], records: Sequence[FitRecord]) -> Wander:
+    """Return the noise of which least is unforeseen of what a model leaves of records.
+
+    It can move in as many directions as it has weights, order of creep and parameters of its causes.
+
+    Args:
+        model: fitted to the records.
+        left_um: measured minus predicted of each record [um], shape (n_samples,).
+        records: the records.
+    """
+    used_um = [values[record.is_used] for values, record in zip(left_um, records, strict=True)]
+    return wander_of(used_um, model.weights.size + 1 + len(free_parameters(model)))
 
 
 def wander_of(values_um: Sequence[Array], n_moved: int) -> Wander:
