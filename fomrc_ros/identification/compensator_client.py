@@ -20,6 +20,9 @@ _LOOK_PERIOD_S = 0.05
 _TRIGGERS = ("borrow_voltage", "return_voltage", "assume_relaxed")
 # Services there are when the node has just started and when the compensator has: either may be the later.
 DEFAULT_TIMEOUT_S = 30.0
+# What changes nothing the second time is asked again: where the machine is busy the compensator may not know yet where
+# an answer goes, and then drops it.
+_N_ASKED = 3
 
 
 class CompensatorClient:
@@ -57,8 +60,8 @@ class CompensatorClient:
 
     async def parameters(self) -> dict[str, Any]:
         """Return all parameters of the compensator; raises FomrcError where it does not answer."""
-        names = (await self._ask(self._list, ListParameters.Request())).result.names
-        answer = await self._ask(self._get, GetParameters.Request(names=names))
+        names = (await self._ask(self._list, ListParameters.Request(), _N_ASKED)).result.names
+        answer = await self._ask(self._get, GetParameters.Request(names=names), _N_ASKED)
         return {name: parameter_value_to_python(value) for name, value in zip(names, answer.values, strict=False)}
 
     @staticmethod
@@ -80,23 +83,24 @@ class CompensatorClient:
             spec = effect_spec(name)
             kind = kinds.get(name, spec.kind if spec else None)
             request.parameters.append(Parameter(name, kind, value).to_parameter_msg())
-        response = await self._ask(self._set, request)
+        response = await self._ask(self._set, request, _N_ASKED)
         if not response.result.successful:
             raise FomrcError(f"the compensator refused the model: {response.result.reason}")
 
-    async def _ask(self, client: Any, request: Any) -> Any:
-        is_there = await self._wait(client.service_is_ready)
+    async def _ask(self, client: Any, request: Any, n_times: int = 1) -> Any:
+        is_there = await self._wait(client.service_is_ready, self.timeout_s)
         if not is_there:
             raise FomrcError(f"no service {client.srv_name} within {self.timeout_s:g} s: does the compensator run?")
-        answer = client.call_async(request)
-        if not await self._wait(answer.done):
+        for _ in range(n_times):
+            answer = client.call_async(request)
+            if await self._wait(answer.done, self.timeout_s / n_times):
+                return answer.result()
             client.remove_pending_request(answer)
-            raise FomrcError(f"no answer from {client.srv_name} within {self.timeout_s:g} s")
-        return answer.result()
+        raise FomrcError(f"no answer from {client.srv_name} within {self.timeout_s:g} s")
 
-    def _wait(self, condition: Any) -> Future:
+    def _wait(self, condition: Any, timeout_s: float) -> Future:
         finished = Future(executor=self._node.executor)
-        self._waiting.append(_Wait(condition, finished, self._n_looks + int(self.timeout_s / _LOOK_PERIOD_S)))
+        self._waiting.append(_Wait(condition, finished, self._n_looks + int(timeout_s / _LOOK_PERIOD_S)))
         return finished
 
     def _look(self) -> None:

@@ -10,6 +10,8 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import PATIENCE_S, clean, model_file
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from small_model import MODEL
@@ -107,3 +109,35 @@ def test_without_a_model_or_a_compensator_it_says_so(tmp_path, probe, start):
     assert asking.stop() == 0
     shown = yaml.safe_load(yaml.safe_dump(probe.messages[asking.name]))
     assert "list_parameters" in shown
+
+
+def test_an_answer_that_was_dropped_is_asked_for_again(probe, start):
+    """What the middleware does on a busy machine that has not matched the endpoints yet: a request, and no answer."""
+    deaf = [
+        probe.node.create_service(ListParameters, "/deaf/list_parameters", lambda request, response: response),
+        probe.node.create_service(GetParameters, "/deaf/get_parameters", lambda request, response: response),
+    ]
+    values = {f"model.{name}": value for name, value in MODEL.items()}
+    asking = start("watch", compensator="/deaf", service_timeout_s=6.0)
+    said: list[str] = []
+    n_asked = [0, 0]
+
+    def answer() -> bool:
+        said.append(probe.messages.get(asking.name, ""))
+        for k, service in enumerate(deaf):
+            request, header = service.handle.service_take_request(service.srv_type.Request)
+            if header is None:
+                continue
+            n_asked[k] += 1
+            response = service.srv_type.Response()
+            if k == 0:
+                response.result.names = list(values)
+            else:
+                response.values = [Parameter(name, value=values[name]).get_parameter_value() for name in request.names]
+            if n_asked[k] > 1:
+                service.handle.service_send_response(response, header.request_id)
+        return probe.levels.get(asking.name) == DiagnosticStatus.OK
+
+    probe.until(answer, "the model in force")
+    assert not [line for line in said if "no answer" in line]
+    assert asking.stop() == 0

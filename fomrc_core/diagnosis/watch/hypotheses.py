@@ -68,8 +68,9 @@ def _gain(window: Window, since_s: float, cause: str, durations_s: tuple[float, 
     """Return a scale that changes within one of some durations, 0 for at once; the moment is looked for."""
 
     def fitted(since: float, lasts_s: float) -> tuple[float, float, Array, float]:
-        after_s = np.maximum(window.time_s - since, 0.0)
-        course = np.minimum(after_s / lasts_s, 1.0) if lasts_s else (after_s > 0.0).astype(np.float64)
+        # From the first sample at that moment or after it, as effects that begin there do (``Window.index``).
+        after_s = window.time_s - since
+        course = np.clip(after_s / lasts_s, 0.0, 1.0) if lasts_s else (after_s >= 0.0).astype(np.float64)
         shape = course * window.predicted_um
         size = window.amplitude(shape)
         return window.squared_error(size * shape), size, size * shape, float(course[-1])

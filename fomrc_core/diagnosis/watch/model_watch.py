@@ -28,6 +28,8 @@ _DAY_S = 86400.0
 _N_BLOCK_MIN = 16
 # The start of the model, relaxed or not, is found from so much.
 _START_S = 10.0
+# Of what a diagnosis waits for, so much does where no more comes.
+_ENOUGH = 0.5
 # A block has motion where the stage goes further than so many times what the model gets wrong.
 _MOTION = 10.0
 # Of the blocks that are learnt from; a night of rest teaches no more than a minute of it.
@@ -149,6 +151,8 @@ class ModelWatch:
         self._model_state: ModelState | None = None
         self.past = RecentPast(model, self.settings.memory_s)
         self._pending: list[Alarm] = []
+        self._cut_short: list[Case] = []
+        self._start_known_s = 0.0
         self.time_s = 0.0
         self.state = WatchState.STARTING
         self._statistics = BlockStatistics(period_s, self._n_block, fit_rms_um)
@@ -201,17 +205,27 @@ class ModelWatch:
         Args:
             is_last: whether nothing more will be measured.
         """
+        if self._cut_short:
+            return self._cut_short.pop(0)
         if not self._pending:
             return None
         alarm = self._pending[0]
-        if not is_last and self.time_s < alarm.time_s + self.settings.follow_s:
+        if not is_last and self.time_s < max(alarm.time_s, self._start_known_s) + self.settings.follow_s:
             return None
-        del self._pending[0]
+        return self._case_of(self._pending.pop(0))
+
+    def _case_of(self, alarm: Alarm) -> Case:
         past = self.past
         return Case(alarm, self.model, past.state(), past.recording(), past.began_s, self._fit_rms_um)
 
     def begin_record(self) -> None:
-        """Go on with another record of the same stage: what is normal is kept, where the model stands is not."""
+        """Go on with another record of the same stage: what is normal is kept, where the model stands is not.
+
+        What was before a change goes with the old record: an alarm has its case now, if there is enough after it.
+        """
+        enough_s = self.time_s - _ENOUGH * self.settings.follow_s
+        self._cut_short += [self._case_of(alarm) for alarm in self._pending if alarm.time_s <= enough_s]
+        self._pending = [alarm for alarm in self._pending if alarm.time_s > enough_s]
         self._model_state = None
         self._waiting, self._n_waiting = [], 0
         self.past = RecentPast(self.model, self.settings.memory_s)
@@ -220,7 +234,9 @@ class ModelWatch:
     def _begin(self, steps_s: Array, voltage_v: Array, moved_um: Array) -> None:
         time_s = np.cumsum(steps_s) - steps_s[0]
         record = Recording(time_s, voltage_v, _with_lost_filled(time_s, moved_um), name="start of the watch")
-        self._model_state = estimate_start(self.model, record).state
+        start = estimate_start(self.model, record)
+        self._model_state = start.state
+        self._start_known_s = self.time_s + float(np.sum(steps_s[: start.n_samples]))
         if self.state is WatchState.STARTING:
             self.state = WatchState.LEARNING
 
@@ -244,10 +260,13 @@ class ModelWatch:
         predicted_um = self.model.simulate(steps_s, voltage_v, self._model_state)
         # What was lost speaks neither for nor against the model.
         moved_um = predicted_um + _with_lost_filled(np.cumsum(steps_s), moved_um - predicted_um)
-        self.past.add(self.time_s, steps_s, voltage_v, moved_um, before)
+        is_of_start = self.time_s < self._start_known_s
+        self.past.add(self.time_s, steps_s, voltage_v, moved_um, before, is_of_start=is_of_start)
         durations_s = steps_s.reshape(-1, self._n_block).sum(axis=1)
         ends_s = self.time_s + np.cumsum(durations_s)
         self.time_s = float(ends_s[-1])
+        if is_of_start:
+            self._start_known_s = max(self._start_known_s, self.time_s)
         blocks = self._statistics.of(moved_um - predicted_um, predicted_um)
         unrest = blocks.statistics[:, STATISTICS.index("unrest")]
         moves = np.ptp(predicted_um.reshape(-1, self._n_block), axis=1) > _MOTION * np.maximum(unrest, self._fit_rms_um)

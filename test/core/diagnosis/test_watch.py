@@ -153,6 +153,35 @@ def test_another_scale_is_no_kink_at_the_end_of_the_stroke(seed):
     assert found.since_s == pytest.approx(began_s, abs=2.0 / rate_hz)
 
 
+@pytest.mark.parametrize("gap_s", [-1.0, 0.4, 6.0])
+@pytest.mark.parametrize("seed", [2, 8, 15, 23])
+def test_a_gap_near_a_change_does_not_take_its_name(seed, gap_s):
+    """Stages and machines stall: a record ends just after a change or with it, and the next one begins anew."""
+    rng = np.random.default_rng(seed)
+    model, rate_hz, began_s = PiezoModel.from_mapping(MODEL), 250.0, 60.0 + rng.uniform(0.0, 1.0)
+    time_s = np.arange(int(rate_hz * 130.0)) / rate_hz
+    angles = np.multiply.outer(time_s, [2.0, 5.3, 0.7]) + rng.uniform(0.0, 2.0 * np.pi, 3)
+    drive = np.sin(angles) @ [0.04, 0.02, 0.015]
+    steps_s = np.full(time_s.size, 1.0 / rate_hz)
+    moved = model.simulate(steps_s, drive)
+    read = np.where(time_s < began_s, moved, 0.8 * moved) + 1e-4 * np.ptp(moved) * rng.standard_normal(time_s.size)
+    settings = WatchSettings(learn_s=20.0, memory_s=60.0, follow_s=6.0)
+    watch = ModelWatch(model, 1.0 / rate_hz, settings, 1e-4 * float(np.ptp(moved)))
+    # Less than nothing: the gap holds the change, and nothing before it is there to compare with.
+    last = int(rate_hz * (began_s + gap_s))
+    cases = []
+    for begun, ended in ((0, last), (last + int(1.5 * rate_hz), time_s.size)):
+        for start in range(begun, ended, 50):
+            part = slice(start, min(start + 50, ended))
+            watch.take(steps_s[part], drive[part], read[part])
+            if (case := watch.next_case()) is not None:
+                cases.append(case)
+        watch.begin_record()
+    found = name_case(cases[0])
+    assert found.cause == "sensor_scale", str(found)
+    assert found.named[0].parameters["relative_change"] == pytest.approx(-0.2, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("spoil", "cause"),
     [
