@@ -330,7 +330,8 @@ def _result(
         tests = (*tests, unevenness(driven), slow_unevenness(driven))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
-    learned = rms(np.concatenate([v[r.is_used] for v, r in zip(found.final.residual, split.train, strict=True)]))
+    learned_um = residuals(extension.trial, split.train)
+    learned = rms(np.concatenate([v[r.is_used] for v, r in zip(learned_um, split.train, strict=True)]))
     learned = max(learned, rounding_um)
     is_flexible = extension.trial.n_owned > base.n_owned
     judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)

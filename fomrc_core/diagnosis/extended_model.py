@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fomrc_core.compute.arrays import Array, Mask
-from fomrc_core.compute.least_squares import normal_equations, signed_weights
+from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, held_residuals, quoted_residuals
+from fomrc_core.diagnosis.element_weights import with_element_weights
 from fomrc_core.diagnosis.finer_grid import on_same_grid
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.search import SearchResult
+from fomrc_core.diagnosis.wander_fit import beside_wander
 from fomrc_core.effects import Effect
 from fomrc_core.effects.base.cause import Cause
-from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
-from fomrc_core.fitting.linear_part import Tangent, centred, record_columns, residuals, squared_error
-from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error
+from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.operators.hysteresis import OperatorSum, elements_from_play_form
@@ -62,7 +62,7 @@ def never_worse(
     """
     before = replace(_extend(base, split), is_base=True)
     while found.steps or has_elements:
-        extension = _fitted(found.model, split)
+        extension = _fitted(found.model, before.trial, split)
         if is_no_worse(extension.trial, before.trial, split) and not _is_denied(found, extension.trial, split):
             return found, extension
         if not found.steps:
@@ -95,7 +95,15 @@ def _squares(residuals_um: list[Array]) -> float:
     return float(sum(np.dot(v, v) for v in residuals_um))
 
 
-def _fitted(model: TrialModel, split: DataSplit) -> Extension:
+def _fitted(model: TrialModel, base: TrialModel, split: DataSplit) -> Extension:
+    """Return the extension fitted to the innovations of noise that wanders, where it does no worse than the base so."""
+    extension = _by_least_squares(model, split)
+    trial = beside_wander(extension.trial, split)
+    is_kept = trial is not extension.trial and is_no_worse(trial, base, split)
+    return Extension(as_written(trial, split), trial) if is_kept else extension
+
+
+def _by_least_squares(model: TrialModel, split: DataSplit) -> Extension:
     """Return the extension with effects and non-negative weights fitted in turn, while that gains in training."""
     best = _extend(model, split)
     error = squared_error(split.train, residuals(best.trial, split.train))
@@ -115,32 +123,9 @@ def _fitted(model: TrialModel, split: DataSplit) -> Extension:
 
 
 def _extend(model: TrialModel, split: DataSplit) -> Extension:
-    """Return the extended model of a model under fit: its weights made those of Maxwell elements, its effects kept.
-
-    The weights a search fits may be of either sign; here they are fitted once more, non-negative, with all else
-    as found.
-    """
-    plain = model.columns.is_plain
-
-    def rows(index: int, record: FitRecord) -> tuple[Array, Array, Mask]:
-        columns = centred(record_columns(model, record, index), record.is_used)
-        left_um = centred(record.measured_um - predict(model, record, index), record.is_used)
-        return columns, left_um + columns @ model.weights, record.is_used
-
-    equations = normal_equations(rows(index, record) for index, record in enumerate(split.train))
-    weights = signed_weights(equations.gram, equations.moment, plain)
-    thresholds = model.columns.thresholds_v
-    is_slope = plain & (thresholds == 0.0)
-    if not float(np.sum(weights[is_slope])) > 0.0:
-        weights[is_slope] = least_slope(weights[plain])
-    kept = ~plain | is_slope | (weights > 1e-9 * float(np.max(weights[plain])))
-    final = replace(model, columns=model.columns.chosen(kept), weights=weights[kept])
+    """Return the extended model of a model under fit: its weights made those of Maxwell elements, its effects kept."""
+    final = with_element_weights(model, split.train)
     return Extension(as_written(final, split), final)
-
-
-def least_slope(plain_weights: Array) -> float:
-    """Return the instantaneous part given to a model that was fitted none: without one there is no inverse."""
-    return 1e-6 * float(np.sum(plain_weights))
 
 
 def as_written(final: TrialModel, split: DataSplit) -> PiezoModel:

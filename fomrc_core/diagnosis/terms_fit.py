@@ -9,7 +9,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, signed_weights
-from fomrc_core.diagnosis.extended_model import least_slope
+from fomrc_core.diagnosis.element_weights import least_slope
 from fomrc_core.effects import Effect
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased

@@ -72,10 +72,33 @@ class Wander:
     pole: float
     zero: float
 
+    @property
+    def is_white(self) -> bool:
+        """Whether no sample knows anything of the next."""
+        return self.pole == self.zero
+
     def innovations(self, values: Array) -> Array:
         """Return what of contiguous values could not be foreseen, the first left out, shape (n_samples - 1, ...)."""
-        parts = list(_filtered(values, np.ones(len(values), dtype=np.bool_), self))
+        parts = list(self.stretches(values, np.ones(len(values), dtype=np.bool_)))
         return np.concatenate(parts) if parts else values[:0]
+
+    def stretches(self, values: Array, mask: Mask) -> Iterator[Array]:
+        """Yield the innovations of each stretch of used samples but for its first, so many rows at a time.
+
+        Args:
+            values: shape (n_samples, ...).
+            mask: which samples are used, shape (n_samples,).
+        """
+        from scipy.signal import lfilter  # a second to import, which no node that only drives shall wait for
+
+        for start, stop in runs_of(mask):
+            if stop - start < _SHORTEST:
+                continue
+            state = np.zeros((1, *values.shape[1:]))
+            for at in range(start, stop - 1, _ROWS_TOGETHER):
+                rows = values[at : min(at + _ROWS_TOGETHER + 1, stop)]
+                filtered, state = lfilter([1.0], [1.0, -self.zero], rows[1:] - self.pole * rows[:-1], axis=0, zi=state)
+                yield filtered
 
 
 def wander_beside(model: TrialModel, left_um: Sequence[Array], records: Sequence[FitRecord]) -> Wander:
@@ -104,7 +127,7 @@ def wander_of(values_um: Sequence[Array], n_moved: int) -> Wander:
     centred_um = [values - np.mean(values) for values in values_um]
     least_forgotten = _TIMES_PER_DIRECTION * n_moved / max(1, sum(values.size for values in values_um))
     told = [Wander(1.0 - f, 1.0 - a) for f, a in _FILTERS if f == 0.0 or f >= least_forgotten]
-    return min(told, key=lambda noise: _mean_square([noise.innovations(values) for values in centred_um]))
+    return min(told, key=lambda noise: mean_square([noise.innovations(values) for values in centred_um]))
 
 
 @dataclass(frozen=True)
@@ -122,51 +145,40 @@ def _innovations(model: TrialModel, split: DataSplit, noise: Wander) -> _Innovat
     directions = with_effects(tangent(model, split.train), model, split.train)
     masks = [record.is_used for record in split.train]
     # the offset of a record is not known, and not the mean where noise wanders
-    columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, _offsets(masks), strict=True)]
-    change, rank = _least_squares(left_um, columns, masks, noise)
+    columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, offset_columns(masks), strict=True)]
+    change, rank = change_beside(left_um, columns, masks, noise)
     rest_um = [u - rows @ change for u, rows in zip(left_um, columns, strict=True)]
-    own = _unforeseen(rest_um, masks, noise)
+    own = unforeseen(rest_um, masks, noise)
     inflation = max((autocorrelation_inflation(part) for part in own), default=1.0)
-    return _Innovations(_mean_square(own), sum(part.size for part in own), inflation, rank)
+    return _Innovations(mean_square(own), sum(part.size for part in own), inflation, rank)
 
 
-def _offsets(masks: Sequence[Mask]) -> list[Array]:
+def offset_columns(masks: Sequence[Mask]) -> list[Array]:
+    """Return the offset of each record, one column for each of them, zero in the others: shapes (n_samples, n)."""
     return [np.tile(np.arange(len(masks)) == at, (mask.size, 1)).astype(np.float64) for at, mask in enumerate(masks)]
 
 
-def _least_squares(
+def change_beside(
     left_um: Sequence[Array], columns: Sequence[Array], masks: Sequence[Mask], noise: Wander
 ) -> tuple[Array, int]:
     """Return the change along the columns that leaves the least innovations, and how many directions have a say."""
     parts = (
         (part[:, :-1], part[:, -1], np.ones(len(part), dtype=np.bool_))
         for u, rows, mask in zip(left_um, columns, masks, strict=True)
-        for part in _filtered(np.column_stack((rows, u)), mask, noise)
+        for part in noise.stretches(np.column_stack((rows, u)), mask)
     )
     equations = normal_equations(parts)
     whitening = whitening_of(equations.gram)
     return np.asarray(whitening @ (whitening.T @ equations.moment)), int(whitening.shape[1])
 
 
-def _unforeseen(values_um: Sequence[Array], masks: Sequence[Mask], noise: Wander) -> list[Array]:
-    parts = [np.concatenate(list(_filtered(v, m, noise)) or [v[:0]]) for v, m in zip(values_um, masks, strict=True)]
+def unforeseen(values_um: Sequence[Array], masks: Sequence[Mask], noise: Wander) -> list[Array]:
+    """Return what is not foreseen of the used samples of each record [um]; of one with too few of them nothing."""
+    parts = [np.concatenate(list(noise.stretches(v, m)) or [v[:0]]) for v, m in zip(values_um, masks, strict=True)]
     return [part for part in parts if part.size]
 
 
-def _mean_square(innovations: Sequence[Array]) -> float:
+def mean_square(innovations: Sequence[Array]) -> float:
+    """Return the mean square of all of them [um^2]."""
     n = sum(part.size for part in innovations)
     return sum(float(part @ part) for part in innovations) / n if n else 0.0
-
-
-def _filtered(values: Array, mask: Mask, noise: Wander) -> Iterator[Array]:
-    """Yield the innovations of each stretch of used samples but for its first, so many rows at a time."""
-    from scipy.signal import lfilter  # a second to import, which no node that only drives shall wait for
-
-    for start, stop in runs_of(mask):
-        if stop - start < _SHORTEST:
-            continue
-        state = np.zeros((1, *values.shape[1:]))
-        for at in range(start, stop - 1, _ROWS_TOGETHER):
-            rows = values[at : min(at + _ROWS_TOGETHER + 1, stop)]
-            filtered, state = lfilter([1.0], [1.0, -noise.zero], rows[1:] - noise.pole * rows[:-1], axis=0, zi=state)
-            yield filtered

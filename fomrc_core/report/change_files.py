@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fomrc_core.diagnosis.watch.model_watch import Alarm, Case
+from fomrc_core.diagnosis.watch.alarm import Alarm, Case
 from fomrc_core.diagnosis.watch.naming import ChangeDiagnosis
 from fomrc_core.report.diagnosis_figures import AFTER, BEFORE, png
 from fomrc_core.report.page_parts import document, image, prose, table

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fomrc_core.diagnosis.watch.model_watch import Case
+from fomrc_core.diagnosis.watch.alarm import Case
 from fomrc_core.model.piezo_model import PiezoModel
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from std_srvs.srv import Trigger
 
 from fomrc_core.control.heard_stage import best_lag_s
 from fomrc_core.control.stage_stream import StageStream
-from fomrc_core.diagnosis.watch.model_watch import Alarm, Case, ModelWatch, WatchState
+from fomrc_core.diagnosis.watch.alarm import Alarm, Case
+from fomrc_core.diagnosis.watch.model_watch import ModelWatch, WatchState
 from fomrc_core.errors import FomrcError
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.storage import make_directory

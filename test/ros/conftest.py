@@ -15,8 +15,9 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-from harness import REPOSITORY, STARTED, NodeUnderTest, Probe, server
-from node_server import ForkedProcess
+from harness import Probe
+from node_server import REPOSITORY, ForkedProcess
+from node_under_test import STARTED, NodeUnderTest, server
 
 
 @pytest.fixture

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-import os
-import signal
 import struct
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +15,7 @@ import yaml
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from node_server import REPOSITORY, ForkedProcess, NodeServer, die_with_the_parent
+from node_under_test import PATIENCE_S, NodeUnderTest, n_dropped_answers, what_became_of_them
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -35,20 +30,10 @@ from small_model import MODEL
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-MODULES = {
-    "compensator": "fomrc_ros.compensator",
-    "simulated_pea": "fomrc_ros.simulated_stage",
-    "identification": "fomrc_ros.identification",
-    "gap_command": "fomrc_ros.gap",
-    "gap_monitor": "fomrc_ros.gap",
-    "watch": "fomrc_ros.watch",
-}
 _READ_BEST_EFFORT = QoSProfile(depth=20000, reliability=ReliabilityPolicy.BEST_EFFORT)
 _READ = QoSProfile(depth=20000)
-# Waiting ends when what is waited for has come; this much later it never will, on however busy a machine.
-PATIENCE_S = 120.0
 # A node on a busy machine that does not know yet where an answer goes drops it, and says so; then it is asked again.
-_ANSWER_DROPPED, _LOOK_FOR_DROPPED_S = "failed to send response", 5.0
+_LOOK_FOR_DROPPED_S = 5.0
 # Asked more seldom the longer nothing comes of it: a test that waits for seconds leaves the processors to the nodes.
 _FIRST_PERIOD_S, _LONGEST_PERIOD_S = 0.001, 0.008
 
@@ -60,102 +45,8 @@ def model_file(path: Path, model: dict | None = None, **parameters: object) -> P
     return path
 
 
-@functools.cache
-def server() -> NodeServer:
-    """Return what forks the nodes of this test run."""
-    return NodeServer()
-
-
-STARTED: list[NodeUnderTest] = []
-"""The nodes of the test that runs."""
 _LEADS_TO = {"configure": "inactive", "activate": "active", "deactivate": "inactive", "cleanup": "unconfigured"}
 """Where a transition of the life cycle ends."""
-
-
-def _n_dropped() -> int:
-    """Return how many answers the nodes of this test have dropped."""
-    return sum(node.output().count(_ANSWER_DROPPED) for node in STARTED)
-
-
-def what_became_of_them() -> str:
-    """Return how the nodes of a failing test are or have ended, those that run aborted to say where they are."""
-    said = []
-    for node in STARTED:
-        status = node.process.poll()
-        if status is None:
-            node.process.send_signal(signal.SIGABRT)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                node.process.wait(5.0)
-        told = "running, aborted" if status is None else f"ended with {status}"
-        lines = [line for line in node.output().splitlines() if not line.startswith("Extension modules")]
-        said.append("\n".join((f"{node.name} {told}:", *lines[-60:])))
-    return "\n".join(said)
-
-
-class NodeUnderTest:
-    """One node in a process of its own, as ``python -m`` starts it; forked with its imports made unless it is fresh."""
-
-    def __init__(
-        self,
-        kind: str,
-        folder: Path,
-        *files: Path,
-        namespace: str = "",
-        remaps: Mapping[str, str] | None = None,
-        is_fresh: bool = False,
-        **parameters: object,
-    ) -> None:
-        self.kind, self.namespace = kind, namespace
-        self.name = f"{namespace}/{kind}"
-        self._output = folder / f"{kind}{time.monotonic_ns()}.log"
-        arguments = [*(["--monitor"] if kind == "gap_monitor" else []), "--ros-args"]
-        for file in files:
-            arguments += ["--params-file", str(file)]
-        if namespace:
-            arguments += ["-r", f"__ns:={namespace}"]
-        for name, other in (remaps or {}).items():
-            arguments += ["-r", f"{name}:={other}"]
-        for name, value in parameters.items():
-            shown = str(value).lower() if isinstance(value, bool) else f'"{value}"' if value == "" else str(value)
-            arguments += ["-p", f"{name}:={shown}"]
-        self.process: subprocess.Popen | ForkedProcess
-        if is_fresh:
-            self.process = self._started(["-m", MODULES[kind], *arguments], folder)
-        else:
-            self.process = server().fork(MODULES[kind], arguments, folder, self._output)
-        STARTED.append(self)
-
-    def _started(self, arguments: list[str], folder: Path) -> subprocess.Popen:
-        with self._output.open("wb") as output:
-            return subprocess.Popen(
-                [sys.executable, *arguments],
-                cwd=folder,
-                env=dict(os.environ, PYTHONPATH=str(REPOSITORY)),
-                stdout=output,
-                stderr=output,
-                start_new_session=True,
-                preexec_fn=die_with_the_parent,
-            )
-
-    def output(self) -> str:
-        return self._output.read_text(errors="replace")
-
-    def stop(self, number: int = signal.SIGINT, timeout_s: float = PATIENCE_S) -> int:
-        """Send a signal and wait; return the exit status."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        try:
-            return self.process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-            raise AssertionError(f"{self.name} did not stop on signal {number}:\n{self.output()}") from None
-
-    def wait_for_exit(self, timeout_s: float = PATIENCE_S) -> int:
-        try:
-            return self.process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            raise AssertionError(f"{self.name} did not exit:\n{self.output()}") from None
 
 
 class Probe:
@@ -289,11 +180,11 @@ class Probe:
 
     def call(self, kind: type, service: str, request: object, timeout_s: float = PATIENCE_S):
         deadline = time.monotonic() + timeout_s
-        n_dropped, future = _n_dropped(), self.ask(kind, service, request)
+        n_dropped, future = n_dropped_answers(), self.ask(kind, service, request)
         while not self._is_done_within(future, min(_LOOK_FOR_DROPPED_S, timeout_s)):
             if time.monotonic() > deadline:
                 raise AssertionError(f"not within {timeout_s:g} s: answer of {service}\n{what_became_of_them()}")
-            if (n := _n_dropped()) > n_dropped:
+            if (n := n_dropped_answers()) > n_dropped:
                 n_dropped, future = n, self.ask(kind, service, request)
         return future.result()
 
@@ -335,7 +226,7 @@ class Probe:
         request.transition.label = label
         # Where the first answer was dropped the second is a refusal: the node is there already.
         succeeded = self.call(ChangeState, f"{node}/change_state", request).success
-        return succeeded or (_n_dropped() > 0 and self.state(node) == _LEADS_TO.get(label))
+        return succeeded or (n_dropped_answers() > 0 and self.state(node) == _LEADS_TO.get(label))
 
     def drive(
         self,

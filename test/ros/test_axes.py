@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 
 import numpy as np
-from harness import REPOSITORY, model_file
+from harness import model_file
+from node_server import REPOSITORY
 from sensor_msgs.msg import JointState
 from small_model import MODEL
 

@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 import yaml
-from harness import PATIENCE_S, model_file
+from harness import model_file
+from node_under_test import PATIENCE_S
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from small_model import MODEL

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from harness import PATIENCE_S, REPOSITORY, clean, model_file
+from harness import clean, model_file
+from node_server import REPOSITORY
+from node_under_test import PATIENCE_S
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import JointState

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import PATIENCE_S, model_file
+from harness import model_file
 from lifecycle_msgs.srv import ChangeState
+from node_under_test import PATIENCE_S
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 

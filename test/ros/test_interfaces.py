@@ -9,8 +9,8 @@ import time
 
 import numpy as np
 import yaml
-from harness import REPOSITORY, model_file
-from node_server import die_with_the_parent
+from harness import model_file
+from node_server import REPOSITORY, die_with_the_parent
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from small_model import MODEL

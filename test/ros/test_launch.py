@@ -11,8 +11,8 @@ import subprocess
 import sys
 
 import pytest
-from harness import PATIENCE_S, REPOSITORY
-from node_server import die_with_the_parent
+from node_server import REPOSITORY, die_with_the_parent
+from node_under_test import PATIENCE_S
 
 FILES = sorted((REPOSITORY / "launch").glob("*.launch.py"))
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import PATIENCE_S, clean, model_file
+from harness import clean, model_file
+from node_under_test import PATIENCE_S
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile

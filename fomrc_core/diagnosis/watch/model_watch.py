@@ -14,6 +14,7 @@ from enum import Enum
 import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
+from fomrc_core.diagnosis.watch.alarm import Alarm, Case
 from fomrc_core.diagnosis.watch.block_statistics import IS_SIGNED, STATISTICS, Blocks, BlockStatistics
 from fomrc_core.diagnosis.watch.change_detector import ChangeDetector, n_dependent
 from fomrc_core.diagnosis.watch.null_scale import NullScale, learnt_scale
@@ -79,55 +80,6 @@ class WatchSettings:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ParameterError("out of range", where=name, value=value, allowed=f"{low:g} to {high:g}")
-
-
-@dataclass(frozen=True)
-class Alarm:
-    """The stage is no longer the model.
-
-    Attributes:
-        time_s: when it was noticed, from the start of the watch [s].
-        since_s: when it is likeliest to have begun [s].
-        statistic: which statistic showed it.
-        motion_s: motion between the two [s].
-        level_nm: size of that statistic now [nm].
-        normal_nm: its standard deviation in normal work [nm].
-    """
-
-    time_s: float
-    since_s: float
-    statistic: str
-    motion_s: float
-    level_nm: float
-    normal_nm: float
-
-    def __str__(self) -> str:
-        return (
-            f"changed since {self.since_s:.1f} s, noticed at {self.time_s:.1f} s, "
-            f"{self.motion_s:.1f} s of motion later: {self.statistic} {self.level_nm:.3g} nm, "
-            f"normally {self.normal_nm:.3g} nm"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """An alarm with what was measured before and after it.
-
-    Attributes:
-        alarm: the alarm.
-        model: the model in force.
-        state: its state just before the recording.
-        recording: the recent past; its time begins at zero.
-        began_s: when it began, from the start of the watch [s].
-        fit_rms_um: what the model left when it was fitted [um].
-    """
-
-    alarm: Alarm
-    model: PiezoModel
-    state: ModelState
-    recording: Recording
-    began_s: float
-    fit_rms_um: float
 
 
 class ModelWatch:

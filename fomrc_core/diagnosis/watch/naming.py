@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.diagnosis.watch.alarm import Case
 from fomrc_core.diagnosis.watch.change_detector import n_dependent
 from fomrc_core.diagnosis.watch.hypotheses import MEANINGS, hypotheses
 from fomrc_core.diagnosis.watch.hypothesis import Hypothesis
-from fomrc_core.diagnosis.watch.model_watch import Case
 from fomrc_core.diagnosis.watch.window import Window
 from fomrc_core.errors import RecordingError
 from fomrc_core.model.causes import cause_classes

@@ -21,7 +21,7 @@ def _kept(
     monkeypatch.setattr(extended_model, "held_residuals", lambda m, part: [np.full(10, part[0].left[m])])
     monkeypatch.setattr(extended_model, "quoted_residuals", lambda m, part: [np.full(10, part[0].left[m])])
     monkeypatch.setattr(extended_model, "_extend", lambda model, _: extended_model.Extension(None, model))
-    monkeypatch.setattr(extended_model, "_fitted", lambda model, _: extended_model.Extension(None, model))
+    monkeypatch.setattr(extended_model, "_fitted", lambda model, *_: extended_model.Extension(None, model))
     monkeypatch.setattr(extended_model, "refit", lambda model, *_, **__: SimpleNamespace(model=model))
     monkeypatch.setattr(extended_model, "on_same_grid", lambda model, *_: model)
     monkeypatch.setattr(extended_model, "follow_held", lambda model, _: model)
