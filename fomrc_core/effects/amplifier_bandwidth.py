@@ -12,6 +12,7 @@ from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import run_lag
+from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
 
@@ -60,6 +61,10 @@ class AmplifierBandwidth(Effect):
     def time_constant_s(self) -> float:
         """Time constant [s]."""
         return 1.0 / (2.0 * np.pi * self.cutoff_hz)
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it is more than samples so far apart leave open."""
+        return is_seen(self.time_constant_s, step_s)
 
     def initial_state(self) -> Array:
         """Return (output, input) [V] of the step before, at rest."""

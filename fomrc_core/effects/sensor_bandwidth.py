@@ -11,6 +11,7 @@ import numpy as np
 
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
+from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.linear_columns import through_pairs
 from fomrc_core.effects.base.linear_modes import pairs_at_rest, run_pairs
 from fomrc_core.effects.base.pairs_beside import pairs_form
@@ -68,6 +69,11 @@ class SensorBandwidth(Effect):
     def form(self) -> tuple[str, ...]:
         """Return the parameters a fit moves, and the kind of filter: four poles lag as a delay does, one does not."""
         return (*super().form(), f"{self.n_poles:.0f} poles", f"{self.in_stages:.0f}")
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it is more than samples so far apart leave open."""
+        (delay_s,) = self.kin()["transport_delay"].values()
+        return is_seen(delay_s, step_s)
 
     def initial_state(self) -> Array:
         """Return (input [um] of the step before, then both parts of each pole's mode), at rest."""

@@ -12,6 +12,7 @@ from fomrc_core.compute.arrays import ComplexArray
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import DELAY_CAPACITY, delay_state, run_delay
+from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.linear_columns import read_between
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm, delay_line
 from fomrc_core.errors import ParameterError
@@ -71,6 +72,10 @@ class TransportDelay(Effect):
     needs_substeps: ClassVar[bool] = True
 
     delay_s: float
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it is more than samples so far apart leave open."""
+        return is_seen(self.delay_s, step_s)
 
     def initial_state(self) -> Array:
         """Return an empty delay line."""

@@ -13,6 +13,7 @@ from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 _LAGS = (0.15, 1.0, 8.0, 60.0)  # of trials, in samples: a lag of a part of a sample shows as well
@@ -97,6 +98,10 @@ class UnequalLag(Effect):
     def special_case(self) -> dict[str, float]:
         """Return the cutoff of an amplifier that lags by their geometric mean both ways."""
         return {"cutoff_hz": 1.0 / (2.0 * math.pi * math.sqrt(self.rising_s * self.falling_s))}
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it is more than samples so far apart leave open."""
+        return is_seen(max(self.rising_s, self.falling_s), step_s)
 
     def initial_state(self) -> Array:
         """Return (output, input) [V] of the step before, at rest."""

@@ -13,6 +13,7 @@ from fomrc_core.effects.base.course import Course
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import lag_weights
+from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
@@ -110,6 +111,10 @@ class VoltageDependentCapacitance(Effect):
     def special_case(self) -> dict[str, float]:
         """Return the cutoff of an amplifier that lags as it does at zero volts."""
         return {"cutoff_hz": 1.0 / (2.0 * math.pi * self.time_constant_s)}
+
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it is more than samples so far apart leave open."""
+        return is_seen(self.time_constant_s, step_s)
 
     def initial_state(self) -> Array:
         """Return (output, input) [V] of the step before, at rest."""

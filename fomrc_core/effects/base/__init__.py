@@ -12,6 +12,7 @@ __all__ = [
     "effect",
     "evidence",
     "kernels",
+    "lag",
     "linear_columns",
     "linear_modes",
     "linear_terms",
