@@ -96,11 +96,17 @@ def _squares(residuals_um: list[Array]) -> float:
 
 
 def _fitted(model: TrialModel, base: TrialModel, split: DataSplit) -> Extension:
-    """Return the extension fitted to the innovations of noise that wanders, where it does no worse than the base so."""
+    """Return the extension fitted to the innovations of noise that wanders, where it does no worse than the base so.
+
+    Nor surely worse than by least squares on the quoted record: where the form is not right, weights fitted to what is
+    quick miss what is slow by any amount.
+    """
     extension = _by_least_squares(model, split)
     trial = beside_wander(extension.trial, split)
-    is_kept = trial is not extension.trial and is_no_worse(trial, base, split)
-    return Extension(as_written(trial, split), trial) if is_kept else extension
+    if trial is extension.trial or not is_no_worse(trial, base, split):
+        return extension
+    with_it, without = (_squares(quoted_residuals(each, split.report)) for each in (trial, extension.trial))
+    return extension if with_it > _SURELY_WORSE * without else Extension(as_written(trial, split), trial)
 
 
 def _by_least_squares(model: TrialModel, split: DataSplit) -> Extension:

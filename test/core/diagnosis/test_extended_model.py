@@ -47,3 +47,17 @@ def test_what_a_third_record_denies_is_given_back(monkeypatch: pytest.MonkeyPatc
     # the record that chose between the two has said so already
     assert _kept(monkeypatch, held, quoted, n_records=2) == (2, False)
     assert _kept(monkeypatch, held, {**quoted, "two": 2.05}, n_records=3) == (2, False), "a little is no denial"
+
+
+@pytest.mark.parametrize(("held", "quoted", "is_kept"), [(1.0, 1.0, True), (1.0, 2.3, False), (3.1, 1.0, False)])
+def test_a_fit_beside_noise_that_wanders_is_kept_where_nothing_is_surely_worse(
+    monkeypatch: pytest.MonkeyPatch, held: float, quoted: float, is_kept: bool
+) -> None:
+    held_um, quoted_um = {"base": 3.0, "plain": 1.1, "quick": held}, {"base": 3.0, "plain": 1.0, "quick": quoted}
+    split = SimpleNamespace(held=held_um, report=quoted_um)
+    monkeypatch.setattr(extended_model, "held_residuals", lambda m, part: [np.full(10, part[m])])
+    monkeypatch.setattr(extended_model, "quoted_residuals", lambda m, part: [np.full(10, part[m])])
+    monkeypatch.setattr(extended_model, "_by_least_squares", lambda *_: extended_model.Extension(None, "plain"))
+    monkeypatch.setattr(extended_model, "beside_wander", lambda *_: "quick")
+    monkeypatch.setattr(extended_model, "as_written", lambda *_: None)
+    assert extended_model._fitted("found", "base", split).trial == ("quick" if is_kept else "plain")
