@@ -14,6 +14,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, record_columns
 from fomrc_core.fitting.trial_model import TrialModel, predict
 
+_LEAST_SLOPE = 1e-6  # of the sum of the weights
 _LEAST_SHARE = 1e-9  # of the largest weight: less is rounding
 
 
@@ -43,13 +44,18 @@ def with_element_weights(model: TrialModel, records: tuple[FitRecord, ...], nois
     is_positive = np.zeros(equations.moment.size, dtype=np.bool_)
     is_positive[: plain.size] = plain
     weights = signed_weights(equations.gram, equations.moment, is_positive)[: plain.size]
+    return without_idle(replace(model, weights=weights))
+
+
+def without_idle(model: TrialModel) -> TrialModel:
+    """Return the model without plain weights of zero, but with an instantaneous part: without one there is no inverse.
+
+    Args:
+        model: its plain weights not negative, and not all of them zero.
+    """
+    plain, weights = model.columns.is_plain, model.weights.copy()
     is_slope = plain & (model.columns.thresholds_v == 0.0)
     if not float(np.sum(weights[is_slope])) > 0.0:
-        weights[is_slope] = least_slope(weights[plain])
+        weights[is_slope] = _LEAST_SLOPE * float(np.sum(weights[plain]))
     kept = ~plain | is_slope | (weights > _LEAST_SHARE * float(np.max(weights[plain])))
     return replace(model, columns=model.columns.chosen(kept), weights=weights[kept])
-
-
-def least_slope(plain_weights: Array) -> float:
-    """Return the instantaneous part given to a model that was fitted none: without one there is no inverse."""
-    return 1e-6 * float(np.sum(plain_weights))

@@ -9,7 +9,7 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, signed_weights
-from fomrc_core.diagnosis.element_weights import least_slope
+from fomrc_core.diagnosis.element_weights import without_idle
 from fomrc_core.effects import Effect
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
@@ -66,15 +66,9 @@ def _error(model: TrialModel, records: tuple[FitRecord, ...]) -> float:
 
 def _with_elements(model: TrialModel) -> TrialModel | None:
     """Return the model with the instantaneous part no inverse can do without; None where plays have no weight."""
-    plain = model.columns.is_plain
-    if not float(np.sum(model.weights[plain])) > 0.0:
+    if not float(np.sum(model.weights[model.columns.is_plain])) > 0.0:
         return None  # terms that leave nothing to the actuator
-    is_slope = plain & (model.columns.thresholds_v == 0.0)
-    weights = model.weights.copy()
-    if not float(np.sum(weights[is_slope])) > 0.0:
-        weights[is_slope] = least_slope(weights[plain])
-    kept = ~plain | is_slope | (weights > 0.0)
-    return replace(model, columns=model.columns.chosen(kept), weights=weights[kept])
+    return without_idle(model)
 
 
 def _descended(model: TrialModel, records: tuple[FitRecord, ...]) -> TrialModel:

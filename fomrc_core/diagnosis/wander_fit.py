@@ -54,25 +54,27 @@ def fitted_to_innovations(model: TrialModel, noise: Wander, split: DataSplit) ->
         noise: how noise wanders beside it.
         split: records, of which the training ones are fitted to.
     """
-    best, power = model, _power(model, noise, split)
+    power = _power(model, noise, split)
     for _ in range(_MAX_TURNS):
-        step = _step(best, noise, split)
-        trial, after = best, power
-        for share in _SHARES_OF_STEP:
-            try:
-                trial = with_element_weights(_moved(best, share * step), split.train, noise)
-                after = _power(trial, noise, split)
-            except ParameterError:
-                continue
-            if after < power:
-                break
-        if not after < power:
+        before = power
+        model, power = _stepped(model, before, noise, split)
+        if power > (1.0 - _LEAST_GAIN) * before:
             break
-        is_still = after > (1.0 - _LEAST_GAIN) * power
-        best, power = trial, after
-        if is_still:
-            break
-    return best
+    return model
+
+
+def _stepped(model: TrialModel, power: float, noise: Wander, split: DataSplit) -> tuple[TrialModel, float]:
+    """Return the model after the largest share of a step that leaves less unforeseen, as it is where none does."""
+    step = _step(model, noise, split)
+    for share in _SHARES_OF_STEP:
+        try:
+            trial = with_element_weights(_moved(model, share * step), split.train, noise)
+            after = _power(trial, noise, split)
+        except ParameterError:
+            continue
+        if after < power:
+            return trial, after
+    return model, power
 
 
 def _power(model: TrialModel, noise: Wander, split: DataSplit) -> float:
