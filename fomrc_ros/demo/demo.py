@@ -35,6 +35,7 @@ from fomrc_ros.demo.fast_figure import save_figure
 from fomrc_ros.demo.figures import save_figures
 from fomrc_ros.demo.node_processes import NodeProcess, private_environment
 from fomrc_ros.demo.response import Response, Verdict, percent_or_not
+from fomrc_ros.demo.signals import signals_noted
 from fomrc_ros.demo.targets import RATE_HZ, Target, tracking_target, triangle_target
 from fomrc_ros.node.runtime import EXIT_BAD_INPUT, make_executor
 
@@ -188,7 +189,7 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
     }
     wanted = ((tracking_target(AMPLITUDE_UM), TRACKING_MERIT), (triangle_target(AMPLITUDE_UM), LINEARITY_MERIT))
     starting = progress.add_task("starting compensator and stage", total=None)
-    with ExitStack() as stack:
+    with signals_noted() as is_told_to_end, ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fomrc_demo_")))
         nodes = [
             stack.enter_context(NodeProcess(*node, environment, logs / f"{k}.log"))
@@ -202,6 +203,8 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
         ]
 
         def check() -> None:
+            if is_told_to_end():
+                raise KeyboardInterrupt
             for node in nodes:
                 if not node.is_running:
                     raise FomrcError(f"a node ended early: {node.output().strip()}")
@@ -209,7 +212,7 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
         context = rclpy.Context()
         rclpy.init(context=context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(rclpy.try_shutdown, context=context)
-        driver = Driver(gain_um_per_v, [node.pid for node in nodes], context)
+        driver = Driver(gain_um_per_v, [node.pid for node in nodes], context, is_told_to_end)
         stack.callback(driver.destroy_node)
         executor = make_executor(context)
         stack.callback(executor.shutdown)
@@ -220,8 +223,9 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
         for target, merit in wanted:
             again = ""
             for _ in range(1 + _REPEATS):
-                experiment = Experiment(target, merit, _drive(driver, executor, target, again, progress))
+                pair = _drive(driver, executor, target, again, progress)
                 check()
+                experiment = Experiment(target, merit, pair)
                 stalled_s = experiment.pair[0].stalled_s
                 if experiment.verdict is Verdict.MET or not stalled_s:
                     break

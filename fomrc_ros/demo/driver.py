@@ -37,11 +37,15 @@ class Driver(Node):
         gain_um_per_v: constant gain that stands for compensation on the uncompensated axis [um/V].
         pids: process numbers of the nodes it drives.
         context: context of the demo's own domain.
+        is_told_to_end: whether an experiment is to end before its time.
     """
 
-    def __init__(self, gain_um_per_v: float, pids: Sequence[int], context: Context) -> None:
+    def __init__(
+        self, gain_um_per_v: float, pids: Sequence[int], context: Context, is_told_to_end: Callable[[], bool]
+    ) -> None:
         super().__init__("driver", context=context)
         self._gain_um_per_v = gain_um_per_v
+        self._is_told_to_end = is_told_to_end
         self._position = Sender(self, Float64, f"{COMPENSATED}/desired_position", COMMAND)
         self._voltage = Sender(self, Float64, f"{UNCOMPENSATED}/voltage", COMMAND)
         self._seen: dict[str, list[tuple[float, float]]] = {COMPENSATED: [], UNCOMPENSATED: []}
@@ -87,7 +91,7 @@ class Driver(Node):
             executor.spin_until_future_complete(Future(), timeout_sec=0.1)  # type: ignore[attr-defined]
 
     def start(self, target: Target, on_progress: Callable[[float], None]) -> Future:
-        """Drive a target; the future completes when it is done."""
+        """Drive a target; the future completes when it is done, or is told to end."""
         for seen in (*self._seen.values(), self._sent, self._waited):
             seen.clear()
         self._compensator_lived_s.clear()
@@ -126,7 +130,7 @@ class Driver(Node):
                 self._waited.append((now_s, self._waits.longest_s()))
             if self._next % 50 == 0:
                 self._on_progress(self._next / self._target.size)
-            if self._next == self._target.size:
+            if self._next == self._target.size or self._is_told_to_end():
                 self._target = None
                 if self._finished is not None:
                     self._finished.set_result(None)

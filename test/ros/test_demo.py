@@ -18,6 +18,7 @@ from fomrc_ros.demo import demo
 from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experiment
 from fomrc_ros.demo.processor_waits import ProcessorWaits
 from fomrc_ros.demo.response import Verdict, percent_or_not, response_of
+from fomrc_ros.demo.signals import signals_noted
 from fomrc_ros.demo.targets import RATE_HZ, tracking_target, triangle_target
 
 _TARGET = triangle_target(2.4)
@@ -147,6 +148,23 @@ def _nodes_in(temporary: Path) -> list[int]:
             if f"TMPDIR={temporary}".encode() in path.read_bytes() and b"fomrc_ros.demo" not in command:
                 found.append(int(path.parent.name))
     return found
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_end_is_noted_where_it_comes_and_raised_at_the_end(number: signal.Signals) -> None:
+    before, seen = signal.getsignal(number), []
+
+    def told_twice() -> None:
+        with signals_noted() as is_told_to_end:
+            seen.append(is_told_to_end())
+            signal.raise_signal(number)
+            signal.raise_signal(number)
+            seen.append(is_told_to_end())
+
+    with pytest.raises(KeyboardInterrupt):
+        told_twice()
+    assert seen == [False, True]
+    assert signal.getsignal(number) is before
 
 
 def test_a_demo_that_is_told_to_end_ends_its_nodes(tmp_path: Path) -> None:
