@@ -7,6 +7,7 @@ __all__ = [
     "arrays",
     "blas_threads",
     "clustered_errors",
+    "compile_lock",
     "compiled",
     "gauss_newton",
     "least_squares",

@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 try:
     import numba
     from numba.core import event
+    from numba.core.compiler_lock import global_compiler_lock
 except ImportError:  # pragma: no cover - exercised in an environment without numba
     numba = None
 
+from fomrc_core.compute.compile_lock import one_process_at_a_time
 from fomrc_core.compute.pulse import beat
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -70,7 +73,22 @@ def _compiled(function: Function, **options: Any) -> Function:
     except RuntimeError:  # no folder can be written to: compile anew in each process
         return numba.njit(**options)(function)  # type: ignore[no-any-return]
     _stamp_cache(result)
+    _compile_once(result)
     return result
+
+
+def _compile_once(kernel: Any) -> None:
+    # Nodes started together would all compile the same kernels, and the last to write the index of one loses what the
+    # others wrote. The lock of this process's threads comes first: held the other way round, two processes of two
+    # threads each could wait for each other.
+    with contextlib.suppress(AttributeError):
+        compile_here, lock = kernel.compile, Path(kernel._cache._cache_file._index_path).with_suffix(".lock")
+
+        def compile_once(signature: Any) -> Any:
+            with global_compiler_lock, one_process_at_a_time(lock):
+                return compile_here(signature)
+
+        kernel.compile = compile_once
 
 
 def _stamp_cache(kernel: Any) -> None:
