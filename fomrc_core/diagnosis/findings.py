@@ -22,7 +22,7 @@ from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.residual import normalised_percent, rms
 
 Values = Mapping[str, float | list[float]]
-_LEAST_ERRORS = 2.0  # standard errors a size must be: less happens one time in twenty where there is nothing
+_LEAST_ERRORS = 2.0  # standard errors a parameter must be: less happens one time in twenty where there is nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ class Finding:
     def is_undetermined(self) -> bool:
         """Whether the data do not tell its parameters from nothing.
 
-        All its sizes are less than two of their standard errors, or a time or another scale of it is not known to its
-        own size: a repair of what is left, by the form of a cause. Plays of its own are asked as a whole when they are
+        All its sizes, or a time or another scale of it, are less than two of their standard errors: a repair of what is
+        left, by the form of a cause. Plays of its own are asked as a whole when they are
         accepted, and the past of a record need not be known to act.
         """
         kind = cause_classes()[self.cause]
@@ -78,7 +78,7 @@ class Finding:
         sizes = [pairs[name] for name in kind.linear_parameters if name in pairs]
         scales = [pairs[spec.name] for spec in kind.parameters if spec.is_log and spec.name in pairs]
         is_no_size = bool(sizes) and all(value < _LEAST_ERRORS * error for value, error in sizes)
-        return is_no_size or (not kind.is_record_bound and any(error > value for value, error in scales))
+        return is_no_size or (not kind.is_record_bound and any(value < _LEAST_ERRORS * error for value, error in scales))
 
     def wider_of(self, findings: Sequence[Finding]) -> str:
         """Return the name of the finding among others of which this is one more term; empty where there is none."""
@@ -96,7 +96,7 @@ class Finding:
         """Return in a line what is gained by a form that is no name."""
         why = "another surely does better in its place, and is no finding either"
         if self.is_undetermined:
-            why = "its parameters are no larger than their errors"
+            why = "its parameters are no larger than twice their errors"
         return (
             f"not named: the form of {self.cause} follows what no cause explains, held-out error "
             f"{self.nrmse_percent_test_before:.4g} % -> {self.nrmse_percent_test_after:.4g} %; {why}"

@@ -35,7 +35,8 @@ from fomrc_core.diagnosis.findings import Finding
             True,
         ),
         ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 400.0}, True),
-        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 4.0}, False),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 60.0}, True),
+        ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": 40.0}, False),
         ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {"cutoff_hz": math.inf}, True),
         ("amplifier_bandwidth", {"cutoff_hz": 100.0}, {}, False),
         # plays of its own, and a past that need not be known to act
@@ -43,10 +44,10 @@ from fomrc_core.diagnosis.findings import Finding
         ("initial_state", {"extreme_v": 3.0, "held_s": 1e-9}, {"extreme_v": 0.1, "held_s": 1.0}, False),
     ],
 )
-def test_sizes_within_their_errors_and_scales_not_known_to_their_size(cause, parameters, errors, is_undetermined):
+def test_sizes_and_scales_within_two_of_their_errors(cause, parameters, errors, is_undetermined):
     finding = Finding(cause, parameters, errors, 2.0, 1.0, 0.5, 1e-6, "", "")
     assert finding.is_undetermined is is_undetermined
-    assert ("no larger than their errors" in finding.sentence_of_stand_in()) is is_undetermined
+    assert ("no larger than twice their errors" in finding.sentence_of_stand_in()) is is_undetermined
 
 
 def test_a_relaxation_is_a_term_of_a_law_of_creep_and_a_name_where_there_is_none():
