@@ -38,6 +38,7 @@ _LONGEST = (
     "test/hidden/test_hidden_effects.py::test_hidden_cause_is_named_first[2014-missing_hysteresis]",
     "test/hidden/test_hidden_effects.py::test_what_stands_in_for_a_cause",
     "test/hidden/test_one_sine.py",
+    "test/hidden/test_told_wrong_before.py::test_what_stood_in_for_another_is_asked_again_beside_all",
     "test/test_documentation.py::test_examples_run[diagnose]",
     "test/test_documentation.py::test_the_cells_of_a_notebook_run[3_what_does_my_model_get_wrong]",
     "test/ros/test_axes.py::test_what_axes_of_one_body_move_of_each_other",

@@ -78,7 +78,8 @@ class Finding:
         sizes = [pairs[name] for name in kind.linear_parameters if name in pairs]
         scales = [pairs[spec.name] for spec in kind.parameters if spec.is_log and spec.name in pairs]
         is_no_size = bool(sizes) and all(value < _LEAST_ERRORS * error for value, error in sizes)
-        return is_no_size or (not kind.is_record_bound and any(value < _LEAST_ERRORS * error for value, error in scales))
+        is_no_scale = any(value < _LEAST_ERRORS * error for value, error in scales)
+        return is_no_size or (is_no_scale and not kind.is_record_bound)
 
     def wider_of(self, findings: Sequence[Finding]) -> str:
         """Return the name of the finding among others of which this is one more term; empty where there is none."""

@@ -23,8 +23,10 @@ from fomrc_core.diagnosis.decision import (
 )
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
+from fomrc_core.diagnosis.pair_search import SPEAKS_UP, best_beside
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
+from fomrc_core.diagnosis.search_state import AS_NOISE
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.model.causes import cause_classes
@@ -40,7 +42,7 @@ class LastLook:
     Attributes:
         steps: the acceptances, each that was looked at with the causes that do as well in its place.
         better: place of an acceptance and the candidate to take it, None where there is none: one that surely does
-            better, or does as well with fewer parameters.
+            better, alone or with a second, or does as well with fewer parameters.
     """
 
     steps: tuple[Step, ...]
@@ -53,7 +55,6 @@ def looked_at_last(
     split: DataSplit,
     causes: Sequence[str],
     executor: Executor | None,
-    is_hasty: bool = False,
     may_ask: Callable[[], bool] = lambda: True,
 ) -> LastLook:
     """Return the acceptances beside those that might stand in their places at the end.
@@ -66,7 +67,6 @@ def looked_at_last(
         split: records.
         causes: names to try.
         executor: runs refits side by side where given.
-        is_hasty: whether only those are asked of which nobody was sure when they were accepted.
         may_ask: whether one more may be asked for: what is left uncompared has no margin, for what it was while others
             were hidden says nothing beside them.
     """
@@ -76,8 +76,6 @@ def looked_at_last(
     for at, step in enumerate(steps):
         name = step.accepted.cause
         if at == len(steps) - 1 and not math.isnan(step.margin):
-            continue
-        if is_hasty and step.margin > SURE:
             continue
         # what belongs to single records was compared when it was accepted, but for the first of a pair; a rival that
         # did as well then may have been found since, and says nothing any more
@@ -93,6 +91,8 @@ def looked_at_last(
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
         # such a one is only compared: nothing takes its place
         better = None if is_bound else _better(own, candidates, final, split, len(causes))
+        if better is None and not is_bound and may_ask():
+            better = _first_of_two(candidates, final, split, tuple(causes), executor)
         if better is not None:
             return LastLook(tuple(steps), (at, better))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
@@ -118,6 +118,27 @@ def _better(
             return other
     simpler = simplest(own, candidates, split, n_causes)
     return None if simpler is own else simpler
+
+
+def _first_of_two(
+    candidates: list[Candidate], final: Refit, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
+) -> Candidate | None:
+    """Return the candidate that surely does better in a cause's place together with a second found beside it.
+
+    Where held-out data speak for it, and training data for what stands there, neither is the whole.
+    """
+    if final.squared_error < AS_NOISE * split.noise_um2:
+        return None
+    held = held_residuals(final.model, split.held)
+    told = {c.cause: held_out_score(held, list(c.held)).log_gain for c in candidates if not c.is_bound}
+    loud = [c for c in candidates if told.get(c.cause, 0.0) > SPEAKS_UP and is_accepted(c, len(causes))]
+    if not loud:
+        return None
+    first = simplest(max(loud, key=lambda c: told[c.cause]), loud, split, len(causes))
+    second = best_beside(first, split, causes, executor)
+    if second is None or sure_gain(final, second.fitted, split) <= SURE:
+        return None
+    return first if held_out_score(held, list(second.held)).log_gain > _BETTER else None
 
 
 def _in_place_of(

@@ -21,7 +21,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
 
-_SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
+SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
 _MOST_BESIDE = 2  # findings beside which a pair is sought where no one cause gains
 _MOST_FIRSTS = 2  # tried with a second beside them: each costs a round
 
@@ -63,7 +63,7 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
         return None
     likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
     told = [c for c in candidates if c.is_plausible and not c.is_bound and not c.brings_plays and c not in likeliest]
-    told = [c for c in told if c.train_log_gain > _SPEAKS_UP]
+    told = [c for c in told if c.train_log_gain > SPEAKS_UP]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)[:_MOST_FIRSTS]
     # whoever is accepted by its score here was refused as wander, by a record or by the likelihood of what is left
     refused = [c for c in candidates if _is_accepted_but_for_wander(c, asked.n_causes)][:_MOST_FIRSTS]
@@ -112,7 +112,7 @@ def _firsts_beside(accepted: Candidate, candidates: list[Candidate], split: Data
     # beside one that does, one that does worse than none held out has nothing to say
     told = [c for c in candidates if not c.is_bound and c.is_plausible and c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
     told = sorted(told, key=lambda candidate: -candidate.train_log_gain)
-    loud = [c for c in told if c.train_log_gain > accepted.train_log_gain + _SPEAKS_UP]
+    loud = [c for c in told if c.train_log_gain > accepted.train_log_gain + SPEAKS_UP]
     rich = [c for c in loud if c.brings_plays][:1]
     plain = [c for c in (told if rich else loud) if not c.brings_plays]
     plain = [c for c in plain if c is not accepted and c.train_log_gain > accepted.train_log_gain]

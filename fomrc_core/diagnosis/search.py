@@ -40,7 +40,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 
 MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
-_MAX_ROUNDS = MAX_FINDINGS + 2  # two in which a cause takes another's place
+_MAX_ROUNDS = 2 * MAX_FINDINGS  # as many in which a cause takes another's place
 _MUCH_LEFT = 4.0  # times the noise's power, slow noise that no repeat shows among it
 _MAX_TIERS = 2  # of a round: each costs its refits
 
@@ -112,7 +112,7 @@ def search(
             tell(share + 0.07, "other causes in the place of those found")
             state = without_wander(state, split, executor)
             look = _last_look(state, split, causes, executor, budget)
-            if look.better is not None and number < _MAX_ROUNDS - 1:
+            if look.better is not None:
                 at, rival = look.better
                 # it was found beside all the others
                 beside = (state.steps[:at], state.steps[at + 1 :])
@@ -144,10 +144,8 @@ def _last_look(
     # In a loop that only repeats whatever did nearly as well is tied already.
     if not split.is_telling:
         return LastLook(state.steps, None)
-    # Where much is left nothing is explained, whoever does as well: there it is asked for a way on.
-    is_much_left = state.final.squared_error > _MUCH_LEFT * split.noise_um2
     may_ask = partial(budget.allows, COMPARED)
-    return looked_at_last(state.steps, state.final, split, causes, executor, is_hasty=is_much_left, may_ask=may_ask)
+    return looked_at_last(state.steps, state.final, split, causes, executor, may_ask=may_ask)
 
 
 def _asked(

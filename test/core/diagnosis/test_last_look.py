@@ -56,20 +56,43 @@ def _candidate(split: DataSplit, cause: str, left: float, n_free: int) -> Candid
     return Candidate(cause, fitted, score, gain, (held_um,), n_free, before=before[0], held_before=before[1])
 
 
-def _look(split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate) -> LastLook:
+def _look(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate, margin: float = 0.4
+) -> LastLook:
     monkeypatch.setattr(last_look, "_in_place_of", lambda *_: (own, list(others), ()))
     monkeypatch.setattr(last_look, "held_residuals", lambda *_: list(own.held))
-    hidden = Step(own.fitted.model, own, (), (), margin=0.4)
+    hidden = Step(own.fitted.model, own, (), (), margin=margin)
     since = Step(own.fitted.model, _candidate(split, "dead_zone", 1.0, 1), (), (), margin=50.0)
     return looked_at_last((hidden, since), own.fitted, split, ("amplifier_bandwidth", "transport_delay"), None)
 
 
+# also of one that was sure while others were hidden
+@pytest.mark.parametrize("margin", [0.4, 80.0])
 def test_what_does_as_well_with_fewer_parameters_takes_the_place(
-    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, margin: float
 ) -> None:
     own = _candidate(split, "voltage_dependent_capacitance", 1.0, 2)
     simpler = _candidate(split, "amplifier_bandwidth", 1.0, 1)
-    assert _look(split, monkeypatch, own, simpler).better == (0, simpler)
+    assert _look(split, monkeypatch, own, simpler, margin=margin).better == (0, simpler)
+
+
+@pytest.mark.parametrize(("left_with_second", "takes_it"), [(1.0, True), (9.0, False)])
+def test_what_held_out_data_speak_for_takes_the_place_if_a_second_beside_it_leaves_less(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left_with_second: float, takes_it: bool
+) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 5.0, 1)
+    in_training, held_out = (_candidate(split, "transport_delay", left, 1) for left in (8.0, 2.0))
+    other = replace(in_training, held=held_out.held, score=held_out.score)
+    second = _candidate(split, "zero_order_hold", left_with_second, 1)
+    monkeypatch.setattr(last_look, "best_beside", lambda first, *_: second if first is other else None)
+    assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
+
+
+def test_no_second_is_sought_where_noise_is_left(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
+    monkeypatch.setattr(last_look, "best_beside", lambda *_: pytest.fail("sought all the same"))
+    other = replace(_candidate(split, "transport_delay", 1.5, 1), held=(0.5 * own.held[0],))
+    assert _look(split, monkeypatch, own, other).better is None
 
 
 def test_what_does_as_well_with_as_many_is_a_tie(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
