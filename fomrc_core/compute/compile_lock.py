@@ -18,7 +18,7 @@ _LOOK_PERIOD_S = 0.02
 
 
 @contextlib.contextmanager
-def one_process_at_a_time(file: Path, longest_wait_s: float = 20.0) -> Iterator[None]:
+def one_process_at_a_time(file: Path, longest_wait_s: float = 10.0) -> Iterator[None]:
     """Hold this file locked among processes; go on without a lock where it cannot be made.
 
     The system takes the lock from a process that dies. A thread that holds it must not wait for another thread of its
