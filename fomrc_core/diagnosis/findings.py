@@ -67,8 +67,8 @@ class Finding:
         """Whether the data do not tell its parameters from nothing.
 
         All its sizes, or a time or another scale of it, are less than two of their standard errors: a repair of what is
-        left, by the form of a cause. Plays of its own are asked as a whole when they are
-        accepted, and the past of a record need not be known to act.
+        left, by the form of a cause. Plays of its own are asked as a whole when they are accepted, and the past of a
+        record need not be known to act.
         """
         kind = cause_classes()[self.cause]
         if not issubclass(kind, Effect) or kind.owns_columns:

@@ -91,8 +91,8 @@ def looked_at_last(
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
         # such a one is only compared: nothing takes its place
         better = None if is_bound else _better(own, candidates, final, split, len(causes))
-        if better is None and not is_bound and may_ask():
-            better = _first_of_two(candidates, final, split, tuple(causes), executor)
+        if better is None and not is_bound:
+            better = _first_of_two(candidates, final, split, tuple(causes), executor, may_ask)
         if better is not None:
             return LastLook(tuple(steps), (at, better))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
@@ -121,7 +121,12 @@ def _better(
 
 
 def _first_of_two(
-    candidates: list[Candidate], final: Refit, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
+    candidates: list[Candidate],
+    final: Refit,
+    split: DataSplit,
+    causes: tuple[str, ...],
+    executor: Executor | None,
+    may_ask: Callable[[], bool],
 ) -> Candidate | None:
     """Return the candidate that surely does better in a cause's place together with a second found beside it.
 
@@ -132,7 +137,7 @@ def _first_of_two(
     held = held_residuals(final.model, split.held)
     told = {c.cause: held_out_score(held, list(c.held)).log_gain for c in candidates if not c.is_bound}
     loud = [c for c in candidates if told.get(c.cause, 0.0) > SPEAKS_UP and is_accepted(c, len(causes))]
-    if not loud:
+    if not loud or not may_ask():
         return None
     first = simplest(max(loud, key=lambda c: told[c.cause]), loud, split, len(causes))
     second = best_beside(first, split, causes, executor)
