@@ -34,7 +34,7 @@ from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experimen
 from fomrc_ros.demo.fast_figure import save_figure
 from fomrc_ros.demo.figures import save_figures
 from fomrc_ros.demo.node_processes import NodeProcess, private_environment
-from fomrc_ros.demo.response import Response, Verdict, percent_or_not
+from fomrc_ros.demo.response import Verdict, percent_or_not
 from fomrc_ros.demo.signals import signals_noted
 from fomrc_ros.demo.targets import RATE_HZ, Target, tracking_target, triangle_target
 from fomrc_ros.node.runtime import EXIT_BAD_INPUT, make_executor
@@ -223,8 +223,9 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
         for target, merit in wanted:
             again = ""
             for _ in range(1 + _REPEATS):
-                pair = _drive(driver, executor, target, again, progress)
+                _drive(driver, executor, target, again, progress)
                 check()
+                pair = driver.response(COMPENSATED), driver.response(UNCOMPENSATED)
                 experiment = Experiment(target, merit, pair)
                 stalled_s = experiment.pair[0].stalled_s
                 if experiment.verdict is Verdict.MET or not stalled_s:
@@ -234,7 +235,7 @@ def _experiments(model_path: Path, gain_um_per_v: float, progress: Progress) -> 
     return experiments
 
 
-def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: Progress) -> tuple[Response, Response]:
+def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: Progress) -> None:
     text = f"{target.name}, {target.duration_s:.0f} s{again}"
     task = progress.add_task(text, total=1.0)
     if not progress.console.is_terminal:
@@ -245,7 +246,6 @@ def _drive(driver: Driver, executor: Any, target: Target, again: str, progress: 
 
     executor.spin_until_future_complete(driver.start(target, show), timeout_sec=5.0 * target.duration_s)
     show(1.0)
-    return driver.response(COMPENSATED), driver.response(UNCOMPENSATED)
 
 
 def _measured_actuator(progress: Progress) -> str:

@@ -7,10 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from fomrc_core.compute.compile_lock import one_process_at_a_time
-from fomrc_core.compute.compiled import IS_COMPILED
 
 _KERNELS = """
 import sys
@@ -58,7 +55,6 @@ def _line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
-@pytest.mark.skipif(not IS_COMPILED, reason="numba is not installed")
 def test_processes_that_start_together_compile_each_kernel_once(tmp_path: Path) -> None:
     (tmp_path / "kernels.py").write_text(_KERNELS)
     path = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[3])])
