@@ -122,7 +122,7 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
     of two models that both leave something else the likelier one says less.
     """
     n_effective = _n_effective(winner.fitted, split)
-    leaves_noise = winner.fitted.squared_error < _AS_NOISE * split.noise_um2
+    leaves_noise = _leaves_noise(winner, split)
     tied = []
     for other in candidates:
         if other is winner:
@@ -135,12 +135,44 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
         is_same_data = _is_same_data(winner, other)
         if not is_same_data:
             loss += 2.0 * _cost_of_parameters(winner, other, n_effective)
-        if loss >= SURE or (is_same_data and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE):
+        if loss >= SURE:
             continue
         if leaves_noise and likelier_by(winner, other.fitted.residual, other.held, split) > SURE:
             continue
+        # of plays, which bend to whatever another gets wrong, data they were not fitted to speak
+        asks_held = other.brings_plays or not leaves_noise
+        if asks_held and is_same_data and loses_to(list(winner.held), list(other.held)) <= _TIE_P_VALUE:
+            continue
         tied.append(other)
     return tied
+
+
+def is_likelier_than(own: Candidate, other: Candidate, split: DataSplit) -> bool:
+    """Return whether another candidate leaves noise and is surely likelier once that is whitened.
+
+    Training and held-out data speak together, and each parameter more costs what it gains by itself (Schwarz, 1978).
+    Of two that both leave something else the likelier one says less, and of plays of its own held-out data speak, for
+    they bend to whatever the others get wrong.
+    """
+    if other.brings_plays or not _leaves_noise(other, split) or not _is_same_data(own, other):
+        return False
+    cost = _cost_of_parameters(own, other, _n_effective(other.fitted, split))
+    return likelier_by(other, own.fitted.residual, own.held, split) > SURE + max(cost, 0.0)
+
+
+def _leaves_noise(candidate: Candidate, split: DataSplit) -> bool:
+    return candidate.fitted.squared_error < _AS_NOISE * split.noise_um2
+
+
+def _behind(candidate: Candidate, other: Candidate, split: DataSplit) -> float:
+    """Return by how much a candidate is behind another in log likelihood [1], the noise whitened as either leaves it.
+
+    The mean of the two, so that no two are each likelier than the other.
+    """
+    if candidate is other:
+        return 0.0
+    ahead = likelier_by(candidate, other.fitted.residual, other.held, split)
+    return 0.5 * (likelier_by(other, candidate.fitted.residual, candidate.held, split) - ahead)
 
 
 def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
@@ -225,14 +257,21 @@ def likelier_by(winner: Candidate, train_um: Sequence[Array], held_um: Sequence[
 def simplest(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit, n_causes: int) -> Candidate:
     """Return the candidate of fewest parameters among the winner and those that nothing tells from it.
 
-    A winner that holds another candidate as a special case must predict surely better than that one.
+    Of several the likeliest, where what they leave is noise that can be whitened. A winner that holds another candidate
+    as a special case must predict surely better than that one.
     """
     alike = [c for c in candidates if c.is_bound == winner.is_bound]
     special = next((c for c in alike if c.cause == cause_classes()[winner.cause].generalizes), None)
     if special is not None and is_accepted(special, n_causes) and not is_surely_better(winner, special):
         winner = special
     tied = [other for other in ties_of(winner, alike, split) if is_accepted(other, n_causes)]
-    return min((winner, *tied), key=lambda candidate: candidate.n_free)
+    least = min(candidate.n_free for candidate in (winner, *tied))
+    # what brings plays of its own is not as simple as it counts: their weights are not among its parameters
+    simple = [c for c in (winner, *tied) if c.n_free == least and (c is winner or not c.brings_plays)]
+    simple = simple or [c for c in tied if c.n_free == least]
+    if len(simple) == 1 or not _leaves_noise(winner, split):
+        return simple[0]
+    return min(simple, key=lambda candidate: _behind(candidate, winner, split))
 
 
 def still_tied(model: TrialModel, tied: Sequence[Candidate], split: DataSplit) -> list[Candidate]:

@@ -14,6 +14,7 @@ from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_f
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     is_accepted,
+    is_likelier_than,
     is_surely_better,
     margin_of,
     simplest,
@@ -81,9 +82,7 @@ def looked_at_last(
         # did as well then may have been found since, and says nothing any more
         is_bound = step.accepted.is_bound
         was_sure = step.margin > SURE and step.whitened_margin > SURE
-        if (is_bound and was_sure) or not cause_classes()[name].is_exchangeable:
-            continue
-        if not final.model.has(name):
+        if (is_bound and was_sure) or not final.model.has(name):
             continue
         if not may_ask():
             looked[at] = replace(step, margin=math.nan, whitened_margin=math.nan)
@@ -110,11 +109,14 @@ def _better(
     """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters."""
     held = held_residuals(final.model, split.held)
     for other in candidates:
-        if other.is_bound or not is_accepted(other, n_causes) or sure_gain(final, other.fitted, split) <= SURE:
+        if other.is_bound or not is_accepted(other, n_causes):
+            continue
+        learnt = sure_gain(final, other.fitted, split)
+        if learnt <= SURE and (learnt <= 0.0 or other.brings_plays or margin_of(own, [other], split) >= -SURE):
             continue
         if cause_classes()[other.cause].generalizes == own.cause and not is_surely_better(other, own):
             continue
-        if held_out_score(held, list(other.held)).log_gain > _BETTER:
+        if held_out_score(held, list(other.held)).log_gain > _BETTER or is_likelier_than(own, other, split):
             return other
     simpler = simplest(own, candidates, split, n_causes)
     return None if simpler is own else simpler

@@ -145,7 +145,9 @@ def _last_look(
     if not split.is_telling:
         return LastLook(state.steps, None)
     may_ask = partial(budget.allows, COMPARED)
-    return looked_at_last(state.steps, state.final, split, causes, executor, may_ask=may_ask)
+    # what belongs to single records is followed in the held-out ones, too: else it would hide all else there
+    final = replace(state.final, model=state.model)
+    return looked_at_last(state.steps, final, split, causes, executor, may_ask=may_ask)
 
 
 def _asked(

@@ -56,6 +56,20 @@ def _candidate(split: DataSplit, cause: str, left: float, n_free: int) -> Candid
     return Candidate(cause, fitted, score, gain, (held_um,), n_free, before=before[0], held_before=before[1])
 
 
+def _with_plays(candidate: Candidate) -> Candidate:
+    """Return a candidate whose plays are its own."""
+    owned = ColumnKinds.plays(np.array([0.0]))
+    owned = replace(owned, owners=("asymmetric_hysteresis",))
+    model = replace(candidate.fitted.model, columns=owned)
+    return replace(candidate, cause="asymmetric_hysteresis", fitted=replace(candidate.fitted, model=model))
+
+
+def _four_times_the_noise(candidate: Candidate) -> Candidate:
+    residual_um, held_um = (tuple(4.0 * v for v in left) for left in (candidate.fitted.residual, candidate.held))
+    fitted = replace(candidate.fitted, residual=residual_um, squared_error=16.0 * candidate.fitted.squared_error)
+    return replace(candidate, fitted=fitted, held=held_um)
+
+
 def _look(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate, margin: float = 0.4
 ) -> LastLook:
@@ -100,6 +114,29 @@ def test_what_does_as_well_with_as_many_is_a_tie(split: DataSplit, monkeypatch: 
     look = _look(split, monkeypatch, own, _candidate(split, "transport_delay", 1.0, 1))
     assert look.better is None
     assert look.steps[0].tied == ("transport_delay",)
+
+
+def test_what_leaves_noise_and_is_surely_likelier_takes_the_place(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # 2 % of the power: less than one held-out stretch differs from another, and far more than white noise does
+    own = _candidate(split, "voltage_dependent_capacitance", 1.01, 1)
+    other = _candidate(split, "clock_skew", 1.0, 2)
+    assert _look(split, monkeypatch, own, other).better == (0, other)
+    assert _look(split, monkeypatch, own, _with_plays(other)).better is None, "plays bend to whatever is wrong"
+    assert _look(split, monkeypatch, *(_four_times_the_noise(c) for c in (own, other))).better is None
+
+
+def test_of_two_as_simple_that_nothing_tells_apart_the_likelier_is_taken(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, behind = (_candidate(split, "voltage_dependent_capacitance", left, 1) for left in (1.0, 1.001))
+    other, ahead = (_candidate(split, "transport_delay", left, 1) for left in (1.0, 0.999))
+    assert _look(split, monkeypatch, behind, other).better == (0, other)
+    assert _look(split, monkeypatch, own, ahead).better == (0, ahead)
+    assert _look(split, monkeypatch, own, replace(behind, cause="transport_delay")).better is None
+    # the weights of plays are not among the parameters counted
+    assert _look(split, monkeypatch, own, _with_plays(ahead)).better is None
 
 
 def test_the_margin_is_that_beside_all_others(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.work_budget import WorkBudget
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
+from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -273,6 +274,24 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)
     assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone"), ("a pair",)]
     assert [step.accepted.cause for step in result.steps] == ["transport_delay", "dead_zone"]
+
+
+def test_the_last_look_sees_held_out_records_with_what_is_their_own(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = _contender(split, "transport_delay", 4.0, 4.0)
+    followed = replace(found.fitted.model, record_effects=((), (ThermalDrift(um_per_s=1e-3),)))
+    state = SearchState(followed, (search.Step(found.fitted.model, found, (), ()),), found.fitted, frozenset())
+    seen: list[TrialModel] = []
+
+    def look(steps: object, final: Refit, *_: object, **__: object) -> search.LastLook:
+        seen.append(final.model)
+        return search.LastLook((), None)
+
+    monkeypatch.setattr(search, "looked_at_last", look)
+    monkeypatch.setattr(DataSplit, "is_telling", True)
+    search._last_look(state, split, (), None, WorkBudget.unlimited())
+    assert seen == [followed]
 
 
 def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarray) -> tuple[float, float]:
