@@ -22,7 +22,7 @@ from fomrc_core.records.whitening import burg
 SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.
-_NEARLY, _HARDLY = 0.7, 0.15
+NEARLY, _HARDLY = 0.7, 0.15
 # Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop,
 # so that less is no finding.
 RICH_GAIN = 0.16
@@ -112,7 +112,7 @@ def is_surely_better(other: Candidate, winner: Candidate) -> bool:
         return True
     learnt = math.log(winner.fitted.squared_error / other.fitted.squared_error)
     n_independent = sum(left.size / autocorrelation_inflation(left) for left in other.fitted.residual)
-    return learnt > _NEARLY and 0.5 * n_independent * learnt > SURE and added.log_gain > 0.0
+    return learnt > NEARLY and 0.5 * n_independent * learnt > SURE and added.log_gain > 0.0
 
 
 def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> list[Candidate]:
@@ -152,9 +152,12 @@ def is_likelier_than(own: Candidate, other: Candidate, split: DataSplit) -> bool
 
     Training and held-out data speak together, and each parameter more costs what it gains by itself (Schwarz, 1978).
     Of two that both leave something else the likelier one says less, and of plays of its own held-out data speak, for
-    they bend to whatever the others get wrong.
+    they bend to whatever the others get wrong. Twice as much left of the data that neither was fitted to is no noise,
+    however it is whitened.
     """
     if other.brings_plays or not _leaves_noise(other, split) or not _is_same_data(own, other):
+        return False
+    if held_out_score(list(other.held), list(own.held)).log_gain > NEARLY:
         return False
     cost = _cost_of_parameters(own, other, _n_effective(other.fitted, split))
     return likelier_by(other, own.fitted.residual, own.held, split) > SURE + max(cost, 0.0)
@@ -298,8 +301,8 @@ def rivals_of(winner: Candidate, candidates: list[Candidate]) -> tuple[Candidate
         and other.is_plausible
         and not other.is_bound
         and other.score.is_worthwhile()
-        and other.score.log_gain > winner.score.log_gain - _NEARLY
-        and other.train_log_gain > winner.train_log_gain - _NEARLY
+        and other.score.log_gain > winner.score.log_gain - NEARLY
+        and other.train_log_gain > winner.train_log_gain - NEARLY
     )
     return tuple(sorted(near, key=lambda other: -other.total_gain)[:_MOST_RIVALS])
 

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
-from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view, is_confirmed
+from fomrc_core.diagnosis.candidate import (
+    Candidate,
+    candidate_of,
+    candidates_for,
+    held_view,
+    is_confirmed,
+)
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
+from fomrc_core.diagnosis.decision import NEARLY, is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
+from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
-from fomrc_core.diagnosis.screening import screen
+from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
-from fomrc_core.diagnosis.work_budget import PAIRS, WorkBudget
+from fomrc_core.diagnosis.work_budget import CAUSES, PAIRS, WorkBudget
+from fomrc_core.errors import ParameterError
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
 
+MUCH_LEFT = 4.0  # times the noise's power
+_ALONE = 4  # iterations of the first of a pair without the second
 SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
 _MOST_BESIDE = 2  # findings beside which a pair is sought where no one cause gains
 _MOST_FIRSTS = 2  # tried with a second beside them: each costs a round
@@ -38,6 +50,8 @@ class Round:
         n_causes: number of causes the search tries.
         executor: runs refits side by side where given.
         budget: of the search: beyond it no pair is sought.
+        present: the model of the state on the training records; None where no pair is to be told from signatures.
+        screened: the screening of that model, what was given up alone among it.
     """
 
     state: SearchState
@@ -47,6 +61,8 @@ class Round:
     n_causes: int
     executor: Executor | None
     budget: WorkBudget = field(default_factory=WorkBudget.unlimited)
+    present: PresentModel | None = None
+    screened: tuple[Screened, ...] = ()
 
 
 def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
@@ -61,6 +77,9 @@ def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
     candidates = asked.candidates
     if not candidates or nothing_is_left(asked.state.model, asked.split):
         return None
+    told_pair = _told_by_signatures(asked, None)
+    if told_pair is not None:
+        return told_pair
     likeliest = [c for c in candidates[:1] if c.score.log_gain >= -WORTHWHILE_LOG_GAIN]
     told = [c for c in candidates if c.is_plausible and not c.is_bound and not c.brings_plays and c not in likeliest]
     told = [c for c in told if c.train_log_gain > SPEAKS_UP]
@@ -84,6 +103,8 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     there for what the other record shows of two.
     """
     accepted, best = chosen[1], None
+    if asked.present is not None and accepted.fitted.squared_error > MUCH_LEFT * asked.split.noise_um2:
+        return _told_by_signatures(asked, accepted) or chosen
     # what would have been chosen but for noise that might wander as much, others still hidden, wanders less beside them
     louder = [c for c in asked.candidates if c.is_unconfirmed and c.total_gain > accepted.total_gain]
     refused = [c for c in louder if _is_accepted_but_for_wander(c, asked.n_causes)][:1]
@@ -101,6 +122,62 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     own = _with_pair(asked, accepted)
     errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
     return best if best[1].fitted.squared_error < min(errors) else chosen
+
+
+def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[SearchState, Candidate] | None:
+    """Return a second candidate, and the state with a first, of the pair that leaves least of all that look likely.
+
+    It must surely leave less than half of what was accepted leaves, which no parameter takes by itself, and less than
+    a pair with that. Held-out data may speak against it by less than training speaks for it: how well a base carries
+    over to them while much is hidden differs from fit to fit.
+    """
+    split, present = asked.split, asked.present
+    if present is None or not asked.budget.allows(CAUSES) or present.squared_error < MUCH_LEFT * split.noise_um2:
+        return None
+    beside = None if accepted is None else accepted.cause
+    pairs = fitted_pairs(present, split, asked.screened, asked.executor, beside, asked.state.tried)
+    if not pairs:
+        return None
+    own = next((found for found in pairs if beside in found.pair.names), pairs[0])
+    best = pairs[0] if sure_gain(own.fitted, pairs[0].fitted, split) > SURE else own
+    learnt = math.inf
+    if accepted is not None:
+        learnt = math.log(accepted.fitted.squared_error / best.fitted.squared_error)
+        if learnt < NEARLY or sure_gain(accepted.fitted, best.fitted, split) < SURE:
+            return None
+    ordered = sorted((best.pair.one, best.pair.other), key=_accepted_first)
+    for first, second in (ordered, ordered[::-1]):
+        pair = _in_order(asked, best.fitted, first[0], second[0])
+        if pair is None or (accepted is not None and accepted.held_gain - pair[1].score.log_gain > learnt):
+            continue
+        return pair
+    return None
+
+
+def _accepted_first(trials: tuple[Screened, ...]) -> tuple[bool, float]:
+    # what bends to much else is believed by what it mends, which shows beside the other
+    return cause_classes()[trials[0].name].bends_to_much, -sum(trial.explained for trial in trials)
+
+
+def _in_order(asked: Round, fitted: Refit, first: Screened, second: Screened) -> tuple[SearchState, Candidate] | None:
+    """Return a fitted pair as one accepted after the other, and the state between; None where it is no finding."""
+    assert asked.present is not None
+    state, split, present = asked.state, asked.split, asked.present
+    lesser = refit(fitted.model.as_before(present.model, second.name), split.train, n_iterations=_ALONE)
+    try:
+        alone = candidate_of(present, split, first.name, lesser, first.index is not None)
+        between = PresentModel.of(alone.fitted.model, split)
+        both = candidate_of(between, split, second.name, fitted, second.index is not None)
+    except ParameterError:
+        return None
+    if not alone.is_bound:
+        both = replace(both, score=_score_of_pair(present.model, fitted.model, split))
+    elif not is_confirmed(fitted, split, first.name):
+        return None
+    if not is_finding(both, split, asked.n_causes) or not is_no_wander(both, split, first.name):
+        return None
+    steps = (*state.steps, Step(state.model, replace(alone, score=both.score), (), ()))
+    return replace(state, model=lesser.model, steps=steps, tried=state.tried | {first.name}), both
 
 
 def _firsts_beside(accepted: Candidate, candidates: list[Candidate], split: DataSplit) -> list[Candidate]:

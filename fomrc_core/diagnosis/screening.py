@@ -7,10 +7,12 @@ part could explain of it, is compared with the residual.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, product, whitening_of
@@ -33,6 +35,7 @@ from fomrc_core.model.causes import cause_classes
 
 _log = logging.getLogger(__name__)
 
+_MOST_SKETCHED = 20_000  # samples: of some hundred signatures they are ten megabytes or so
 _LEAST_POWER = 1e-6  # of that of the play that moves most
 
 
@@ -51,6 +54,7 @@ class Screened:
         beside_slow: what it explains of the part that noise that wanders as the residual does would not foresee, in
             units of that part's variance, each sample counted as often as it is independent [1]. A line far from any
             drive is not to be mistaken, however little it is of what drifts beside it.
+        sketch: some samples of the signature, linear part removed [um], to compare trials; None of a family of plays.
     """
 
     cause: Cause
@@ -60,6 +64,7 @@ class Screened:
     amplitude: float
     explained_held: float = 0.0
     beside_slow: float = 0.0
+    sketch: NDArray[np.float32] | None = None
 
     @property
     def name(self) -> str:
@@ -217,7 +222,14 @@ def _screen_one(
     explained = moment**2 / power if takes_either_sign or moment > 0.0 else 0.0
     explained_held = 0.0 if held is None else held.explained(present.model, cause, coefficients, takes_either_sign)
     beside_slow = quick.explained(present, signatures) if explained > 0.0 else 0.0
-    return [Screened(cause, index, explained, power, moment / power, explained_held, beside_slow)]
+    sketch = sketch_of(s[r.is_used] for r, s in zip(records, clear, strict=True))
+    return [Screened(cause, index, explained, power, moment / power, explained_held, beside_slow, sketch)]
+
+
+def sketch_of(signals: Iterable[Array]) -> NDArray[np.float32]:
+    """Return samples of signals one behind the other, evenly over all of them, as many as comparing them asks for."""
+    joined = np.concatenate(list(signals))
+    return np.asarray(joined[:: -(-joined.size // _MOST_SKETCHED)], dtype=np.float32)
 
 
 def _screen_family(present: PresentModel, effect: Effect) -> Screened:

@@ -92,7 +92,10 @@ def search(
             state = on_finer_grid(state, split, executor)
         present = PresentModel.of(state.model, split)
         wanted = tuple(name for name in causes if name not in state.tried)
-        screened = screen(present, wanted, held_view(state.model, split), executor)
+        # what was given up alone may act together with another
+        absent = tuple(name for name in causes if not state.model.has(name))
+        all_screened = screen(present, absent, held_view(state.model, split), executor)
+        screened = tuple(trial for trial in all_screened if trial.name in wanted)
         candidates: list[Candidate] = []
         chosen = None
         has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
@@ -105,7 +108,7 @@ def search(
                 if finer is not state:
                     state = finer
                     continue
-        among = Round(state, candidates, split, wanted, len(causes), executor, budget)
+        among = Round(state, candidates, split, wanted, len(causes), executor, budget, present, all_screened)
         if chosen is not None:
             chosen = or_pair(chosen, among)
         if chosen is None:
@@ -131,8 +134,9 @@ def search(
         if better is not None:
             at, rival = better
             tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
-            # it was found beside those before it
-            state = with_rival(state, at, rival, (state.steps[:at], ()), split, executor)
+            # one that was found since as well was fitted beside those before it alone
+            behind = () if state.model.has(rival.cause) else state.steps[at + 1 :]
+            state = with_rival(state, at, rival, (state.steps[:at], behind), split, executor)
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
@@ -275,5 +279,5 @@ def _better_rival(
             held_um = [held_residuals(m, split.held) for m in (state.model, refollowed(other.model, split))]
             held = held_out_score(*held_um)
             if sure_gain(state.final, other, split) > SURE and held.log_gain > PRUNED:
-                return at, rival
+                return at, rival if state.model.has(rival.cause) else replace(rival, fitted=other)
     return None

@@ -83,7 +83,7 @@ class AsymmetricHysteresis(Effect):
     bends_to_much: ClassVar[bool] = True
     can_invert: ClassVar[bool] = True
     owns_columns: ClassVar[bool] = True
-    is_exchangeable: ClassVar[bool] = False  # its plays are columns, which no other cause can take the place of
+    is_exchangeable: ClassVar[bool] = False  # only the last look exchanges its plays
     needs_many_loops: ClassVar[bool] = True  # one-sided plays bend to any lag in a loop that repeats
     linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v", "warp_per_v", "warp_per_v2")
 

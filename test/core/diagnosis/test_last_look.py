@@ -125,6 +125,9 @@ def test_what_leaves_noise_and_is_surely_likelier_takes_the_place(
     assert _look(split, monkeypatch, own, other).better == (0, other)
     assert _look(split, monkeypatch, own, _with_plays(other)).better is None, "plays bend to whatever is wrong"
     assert _look(split, monkeypatch, *(_four_times_the_noise(c) for c in (own, other))).better is None
+    # twice and more of the power left of data that neither was fitted to is no noise
+    carried = replace(own, held=tuple(0.6 * values for values in own.held))
+    assert _look(split, monkeypatch, carried, other).better is None
 
 
 def test_of_two_as_simple_that_nothing_tells_apart_the_likelier_is_taken(

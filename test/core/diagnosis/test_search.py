@@ -18,6 +18,7 @@ from fomrc_core.diagnosis.work_budget import WorkBudget
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
+from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -141,6 +142,34 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     assert better(delay, replace(poor, model=plain)) is None
     # the same two in another order: nothing gained
     assert better(first, replace(good, model=plain)) is None
+
+
+def test_what_takes_a_finding_s_place_stands_beside_all_that_was_found_since(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # the load that was found behind a sensor's pole is right behind the amplifier's as well: it is not sought again
+    first = _contender(split, "mechanical_resonance", 3.91, 3.20)
+    plain = first.fitted.model
+    delay = plain.with_cause(TransportDelay(2e-3))
+    rival = _contender(split, "transport_delay", 3.66, 3.19)
+    rival = replace(rival, fitted=replace(rival.fitted, model=delay))
+    since = search.Step(plain.with_cause(MechanicalResonance(433.0, 0.68)), _contender(split, "x", 1.0, 1.0), (), ())
+    ringing = plain.with_cause(MechanicalResonance(433.0, 0.68)).with_cause(AmplifierBandwidth(112.0))
+    settled = replace(rival.fitted, model=delay.with_cause(AmplifierBandwidth(112.0)))
+    begun: list[TrialModel] = []
+
+    def still(start: TrialModel, *_: object) -> Refit:
+        begun.append(start)
+        return replace(settled, squared_error=0.5 * settled.squared_error)
+
+    monkeypatch.setattr(search, "fit_until_still", still)
+    gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
+    monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
+    state = SearchState(ringing, (search.Step(plain, first, (), (), (rival,)), since), settled, frozenset())
+    better = search._better_rival(state, split, (), None, WorkBudget.unlimited())
+    assert better is not None
+    assert {effect.name for effect in begun[0].effects} == {"transport_delay", "amplifier_bandwidth"}
+    assert better[1].fitted.model is settled.model
 
 
 def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_asked(
