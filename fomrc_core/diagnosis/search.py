@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
-from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
+from fomrc_core.diagnosis.candidate import Candidate, begun_of, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     is_accepted,
@@ -28,7 +28,8 @@ from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.other_forms import in_best_form
-from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
+from fomrc_core.diagnosis.pair_fits import LikelyPairs
+from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair, pair_ahead
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
@@ -98,17 +99,19 @@ def search(
         screened = tuple(trial for trial in all_screened if trial.name in wanted)
         candidates: list[Candidate] = []
         chosen = None
+        pairs = LikelyPairs(present, split, all_screened, executor, state.tried)
+        among = Round(state, candidates, split, wanted, len(causes), executor, budget, pairs)
         has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
-            candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
+            candidates, chosen = _asked(among, present, screened, causes)
+            among = replace(among, candidates=candidates)
             if chosen is not None and chosen[1].brings_plays and number < _MAX_ROUNDS - 1:
                 # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
                 finer = on_finer_grid(state, split, executor)
                 if finer is not state:
                     state = finer
                     continue
-        among = Round(state, candidates, split, wanted, len(causes), executor, budget, present, all_screened)
         if chosen is not None:
             chosen = or_pair(chosen, among)
         if chosen is None:
@@ -155,26 +158,27 @@ def _last_look(
 
 
 def _asked(
-    state: SearchState,
-    present: PresentModel,
-    split: DataSplit,
-    screened: tuple[Screened, ...],
-    causes: tuple[str, ...],
-    executor: Executor | None,
-    budget: WorkBudget,
+    among: Round, present: PresentModel, screened: tuple[Screened, ...], causes: tuple[str, ...]
 ) -> tuple[list[Candidate], tuple[SearchState, Candidate] | None]:
     """Return the candidates, and the one to accept with the state before it, None where there is none.
 
     What looks less likely beside the likeliest is asked where of those none is a finding, and at last, however unlikely
     it looks, what takes the place of creep: a law that leaves nothing of what the power law gets wrong may begin on a
-    slope that mends none of it. What is quick is found beside something slow that nobody has found yet.
+    slope that mends none of it. What is quick is found beside something slow that nobody has found yet. Where two
+    together are far ahead of any one no one is asked.
     """
-    # Many arguments: one move of a search.
+    state, split, executor = among.state, among.split, among.executor
+    begun = begun_of(present, split, worth_a_refit(present, split, screened), executor)
+    pair = pair_ahead(among, begun)
+    if pair is not None:
+        return [], pair
     candidates: list[Candidate] = []
     for tier_number in range(_MAX_TIERS + 1):
         is_last = tier_number == _MAX_TIERS
-        by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
-        tier = refitted(present, split, by_cause, executor)
+        if tier_number > 0:
+            by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
+            begun = begun_of(present, split, by_cause, executor)
+        tier = refitted(present, split, begun, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
         surest = sorted(tier, key=lambda candidate: not is_accepted(candidate, len(causes)))
         accepted = next((candidate for candidate in surest if is_finding(candidate, split, len(causes))), None)
@@ -188,11 +192,11 @@ def _asked(
         if quick is not None:
             candidates = with_kin(quick, candidates, present, split, causes)
             return candidates, (state, found_beside_slow(candidates, split, len(causes)) or quick)
-        asked = {trials[0].name for trials in by_cause}
+        asked = {first.cause for first in begun}
         screened = tuple(trial for trial in screened if trial.name not in asked)
         if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
             break
-        if not budget.allows(CAUSES):
+        if not among.budget.allows(CAUSES):
             break
     return candidates, None
 
