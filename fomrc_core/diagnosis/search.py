@@ -91,16 +91,9 @@ def search(
         if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
             # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
             state = on_finer_grid(state, split, executor)
-        present = PresentModel.of(state.model, split)
-        wanted = tuple(name for name in causes if name not in state.tried)
-        # what was given up alone may act together with another
-        absent = tuple(name for name in causes if not state.model.has(name))
-        all_screened = screen(present, absent, held_view(state.model, split), executor)
-        screened = tuple(trial for trial in all_screened if trial.name in wanted)
+        among, present, screened = _round_of(state, split, causes, executor, budget)
         candidates: list[Candidate] = []
         chosen = None
-        pairs = LikelyPairs(present, split, all_screened, executor, state.tried)
-        among = Round(state, candidates, split, wanted, len(causes), executor, budget, pairs)
         has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
@@ -143,6 +136,20 @@ def search(
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
+
+
+def _round_of(
+    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
+) -> tuple[Round, PresentModel, tuple[Screened, ...]]:
+    """Return what is asked among in a round, the present model, and the trials of the causes that are asked alone."""
+    present = PresentModel.of(state.model, split)
+    wanted = tuple(name for name in causes if name not in state.tried)
+    # what was given up alone may act together with another
+    absent = tuple(name for name in causes if not state.model.has(name))
+    screened = screen(present, absent, held_view(state.model, split), executor)
+    pairs = LikelyPairs(present, split, screened, executor, state.tried)
+    among = Round(state, [], split, wanted, len(causes), executor, budget, pairs)
+    return among, present, tuple(trial for trial in screened if trial.name in wanted)
 
 
 def _last_look(
