@@ -132,27 +132,19 @@ def candidates_for(
         executor: runs refits side by side where given.
         standing: whose place they are asked for, at rest already: who is far behind it is not followed to the end.
     """
-    begun = begun_of(present, split, worth_a_refit(present, split, screened), executor)
-    return refitted(present, split, begun, executor, standing)
-
-
-def begun_of(
-    present: PresentModel, split: DataSplit, by_cause: list[list[Screened]], executor: Executor | None
-) -> list[Begun]:
-    """Return the first iterations of the causes of these trial instances."""
-    run = map if executor is None else executor.map
-    return [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
+    return refitted(present, split, worth_a_refit(present, split, screened), executor, standing)
 
 
 def refitted(
     present: PresentModel,
     split: DataSplit,
-    begun: list[Begun],
+    by_cause: list[list[Screened]],
     executor: Executor | None,
     standing: Candidate | None = None,
 ) -> list[Candidate]:
-    """Return the causes that have begun after their joint refits, the most gaining first."""
+    """Return the causes of these trial instances after their joint refits, the most gaining first."""
     run = map if executor is None else executor.map
+    begun = [first for first in run(begin, [(present, split, trials) for trials in by_cause]) if first.fits]
     reach = _reach(present, split, begun, standing)
     tasks = [(present, split, first, reach) for first in begun]
     found = [candidate for candidate in run(_fit_candidate, tasks) if candidate is not None]

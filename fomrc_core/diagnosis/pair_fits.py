@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned
@@ -38,57 +36,53 @@ class FittedPair:
     fitted: Refit
 
 
-@dataclass(frozen=True, eq=False)
-class LikelyPairs:
-    """Pairs of causes that may act beside a model.
+def fitted_pairs(
+    present: PresentModel,
+    split: DataSplit,
+    screened: tuple[Screened, ...],
+    executor: Executor | None,
+    beside: str | None = None,
+    given_up: frozenset[str] = frozenset(),
+) -> list[FittedPair]:
+    """Return the likeliest pairs after their joint refits, that which leaves least first.
 
-    Attributes:
-        present: the model.
+    Args:
+        present: the model they are fitted beside.
         split: records.
         screened: the screening of that model.
         executor: runs refits side by side where given.
+        beside: a cause with which as well some pairs are fitted, where given.
         given_up: causes that were no findings alone; no two of them are asked for.
     """
-
-    present: PresentModel
-    split: DataSplit
-    screened: tuple[Screened, ...]
-    executor: Executor | None
-    given_up: frozenset[str]
-
-    @cached_property
-    def fitted(self) -> list[FittedPair]:
-        """The likeliest after their joint refits, that which leaves least first."""
-        begun = self._begun(self._told(_MOST_PAIRS))
-        if not begun:
-            return []
+    clear_um = sketch_of(v[r.is_used] for v, r in zip(present.clear_um, present.records, strict=True))
+    pairs = list(likely_pairs(screened, clear_um, _MOST_PAIRS, given_up=given_up))
+    if beside is not None:
+        known = {pair.names for pair in pairs}
+        own = likely_pairs(screened, clear_um, _MOST_BESIDE, with_cause=beside, given_up=given_up)
+        pairs += [pair for pair in own if pair.names not in known]
+    begun = _all_begun(present, split, pairs, executor)
+    if begun:
         known = {found.pair.names for found in begun}
         alike = [pair for pair in begun[0].pair.alike if pair.names not in known][:_MOST_ALIKE]
         alike += begun[0].pair.other_forms[:_MOST_FORMS]
-        begun = sorted((*begun, *self._begun(alike)), key=_left)
+        begun = sorted((*begun, *_all_begun(present, split, alike, executor)), key=_left)
         # whichever of those alike is ahead is asked in its other forms as well
         if begun[0].pair in alike:
-            begun = sorted((*begun, *self._begun(begun[0].pair.other_forms[:_MOST_FORMS])), key=_left)
-        return self._followed(begun[:_MOST_FOLLOWED])
+            further = begun[0].pair.other_forms[:_MOST_FORMS]
+            begun = sorted((*begun, *_all_begun(present, split, list(further), executor)), key=_left)
+    followed = begun[:_MOST_FOLLOWED]
+    if not any(beside in found.pair.names for found in followed):
+        followed += [found for found in begun if beside in found.pair.names][:1]
+    run = map if executor is None else executor.map
+    return sorted(run(_followed, [(split, f) for f in followed]), key=_left)
 
-    def beside(self, cause: str) -> list[FittedPair]:
-        """Return those with one cause, that which leaves least first: some more are fitted where there are none."""
-        own = [found for found in self.fitted if cause in found.pair.names]
-        return own or self._followed(self._begun(self._told(_MOST_BESIDE, cause))[:1])
 
-    def _told(self, n_most: int, with_cause: str | None = None) -> tuple[LikelyPair, ...]:
-        used = zip(self.present.clear_um, self.present.records, strict=True)
-        clear_um = sketch_of(left[record.is_used] for left, record in used)
-        return likely_pairs(self.screened, clear_um, n_most, with_cause, self.given_up)
-
-    def _begun(self, pairs: Sequence[LikelyPair]) -> list[FittedPair]:
-        run = map if self.executor is None else self.executor.map
-        begun = run(_begun, [(self.present, self.split, pair) for pair in pairs])
-        return sorted((found for found in begun if found is not None), key=_left)
-
-    def _followed(self, begun: list[FittedPair]) -> list[FittedPair]:
-        run = map if self.executor is None else self.executor.map
-        return sorted(run(_followed, [(self.split, found) for found in begun]), key=_left)
+def _all_begun(
+    present: PresentModel, split: DataSplit, pairs: list[LikelyPair], executor: Executor | None
+) -> list[FittedPair]:
+    run = map if executor is None else executor.map
+    begun = [found for found in run(_begun, [(present, split, pair) for pair in pairs]) if found is not None]
+    return sorted(begun, key=_left)
 
 
 def _left(found: FittedPair) -> float:

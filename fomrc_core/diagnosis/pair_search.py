@@ -6,7 +6,6 @@ import math
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
-from fomrc_core.diagnosis.beside_slow import found_beside_slow
 from fomrc_core.diagnosis.candidate import (
     Candidate,
     candidate_of,
@@ -14,13 +13,12 @@ from fomrc_core.diagnosis.candidate import (
     held_view,
     is_confirmed,
 )
-from fomrc_core.diagnosis.candidate_fits import Begun
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import NEARLY, is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
-from fomrc_core.diagnosis.pair_fits import LikelyPairs
+from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.diagnosis.screening import Screened, screen
@@ -52,8 +50,8 @@ class Round:
         n_causes: number of causes the search tries.
         executor: runs refits side by side where given.
         budget: of the search: beyond it no pair is sought.
-        pairs: of causes that may act beside the state's model, what was given up alone among them; None where no pair
-            is to be told from signatures.
+        present: the model of the state on the training records; None where no pair is to be told from signatures.
+        screened: the screening of that model, what was given up alone among it.
     """
 
     state: SearchState
@@ -63,7 +61,8 @@ class Round:
     n_causes: int
     executor: Executor | None
     budget: WorkBudget = field(default_factory=WorkBudget.unlimited)
-    pairs: LikelyPairs | None = None
+    present: PresentModel | None = None
+    screened: tuple[Screened, ...] = ()
 
 
 def any_pair(asked: Round) -> tuple[SearchState, Candidate] | None:
@@ -104,7 +103,7 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     there for what the other record shows of two.
     """
     accepted, best = chosen[1], None
-    if asked.pairs is not None and accepted.fitted.squared_error > MUCH_LEFT * asked.split.noise_um2:
+    if asked.present is not None and accepted.fitted.squared_error > MUCH_LEFT * asked.split.noise_um2:
         return _told_by_signatures(asked, accepted) or chosen
     # what would have been chosen but for noise that might wander as much, others still hidden, wanders less beside them
     louder = [c for c in asked.candidates if c.is_unconfirmed and c.total_gain > accepted.total_gain]
@@ -125,54 +124,33 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     return best if best[1].fitted.squared_error < min(errors) else chosen
 
 
-def pair_ahead(asked: Round, begun: list[Begun]) -> tuple[SearchState, Candidate] | None:
-    """Return a second candidate, and the state with a first, of a pair that is far ahead of any one cause.
-
-    Asked before one cause is followed to its rest: where several act none alone is the whole.
-
-    Args:
-        asked: what is asked among.
-        begun: the first iterations of the causes, one at a time.
-    """
-    if asked.pairs is None or not begun:
-        return None
-    first = min(begun, key=lambda each: each.fits[0][0].squared_error)
-    fitted = first.fits[0][0]
-    if fitted.squared_error < MUCH_LEFT * asked.split.noise_um2:
-        return None
-    try:
-        leading = candidate_of(asked.pairs.present, asked.split, first.cause, fitted, first.is_bound)
-    except ParameterError:
-        return None
-    return _told_by_signatures(asked, leading)
-
-
-def _told_by_signatures(asked: Round, leading: Candidate | None) -> tuple[SearchState, Candidate] | None:
+def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[SearchState, Candidate] | None:
     """Return a second candidate, and the state with a first, of the pair that leaves least of all that look likely.
 
-    It must surely leave less than half of what the leading one alone leaves, which no parameter takes by itself; one
-    with that one comes first where another does not surely leave less. Held-out data may speak against it by less than
-    training speaks for it: how well a base carries over to them while much is hidden differs from fit to fit.
+    It must surely leave less than half of what was accepted leaves, which no parameter takes by itself, and less than
+    a pair with that. Held-out data may speak against it by less than training speaks for it: how well a base carries
+    over to them while much is hidden differs from fit to fit.
     """
-    split, pairs = asked.split, asked.pairs
-    if pairs is None or not asked.budget.allows(CAUSES) or pairs.present.squared_error < MUCH_LEFT * split.noise_um2:
+    split, present = asked.split, asked.present
+    if present is None or not asked.budget.allows(CAUSES) or present.squared_error < MUCH_LEFT * split.noise_um2:
         return None
-    found = pairs.fitted[:1]
-    if leading is not None and found:
-        own = pairs.beside(leading.cause)[:1]
-        is_behind = all(sure_gain(each.fitted, found[0].fitted, split) > SURE for each in own)
-        found = [*found, *own] if is_behind else [*own, *found]
-    for each in found:
-        learnt = math.inf
-        if leading is not None:
-            learnt = math.log(leading.fitted.squared_error / each.fitted.squared_error)
-            if learnt < NEARLY or sure_gain(leading.fitted, each.fitted, split) < SURE:
-                continue
-        ordered = sorted((each.pair.one, each.pair.other), key=_accepted_first)
-        for first, second in (ordered, ordered[::-1]):
-            pair = _in_order(asked, each.fitted, first[0], second[0])
-            if pair is not None and (leading is None or leading.held_gain - pair[1].score.log_gain <= learnt):
-                return pair
+    beside = None if accepted is None else accepted.cause
+    pairs = fitted_pairs(present, split, asked.screened, asked.executor, beside, asked.state.tried)
+    if not pairs:
+        return None
+    own = next((found for found in pairs if beside in found.pair.names), pairs[0])
+    best = pairs[0] if sure_gain(own.fitted, pairs[0].fitted, split) > SURE else own
+    learnt = math.inf
+    if accepted is not None:
+        learnt = math.log(accepted.fitted.squared_error / best.fitted.squared_error)
+        if learnt < NEARLY or sure_gain(accepted.fitted, best.fitted, split) < SURE:
+            return None
+    ordered = sorted((best.pair.one, best.pair.other), key=_accepted_first)
+    for first, second in (ordered, ordered[::-1]):
+        pair = _in_order(asked, best.fitted, first[0], second[0])
+        if pair is None or (accepted is not None and accepted.held_gain - pair[1].score.log_gain > learnt):
+            continue
+        return pair
     return None
 
 
@@ -183,8 +161,8 @@ def _accepted_first(trials: tuple[Screened, ...]) -> tuple[bool, float]:
 
 def _in_order(asked: Round, fitted: Refit, first: Screened, second: Screened) -> tuple[SearchState, Candidate] | None:
     """Return a fitted pair as one accepted after the other, and the state between; None where it is no finding."""
-    assert asked.pairs is not None
-    state, split, present = asked.state, asked.split, asked.pairs.present
+    assert asked.present is not None
+    state, split, present = asked.state, asked.split, asked.present
     lesser = refit(fitted.model.as_before(present.model, second.name), split.train, n_iterations=_ALONE)
     try:
         alone = candidate_of(present, split, first.name, lesser, first.index is not None)
@@ -196,14 +174,8 @@ def _in_order(asked: Round, fitted: Refit, first: Screened, second: Screened) ->
         both = replace(both, score=_score_of_pair(present.model, fitted.model, split))
     elif not is_confirmed(fitted, split, first.name):
         return None
-    if not is_no_wander(both, split, first.name):
+    if not is_finding(both, split, asked.n_causes) or not is_no_wander(both, split, first.name):
         return None
-    if not is_finding(both, split, asked.n_causes):
-        # what nobody has found yet may hide in held-out data what is quick: it is told by what that does not foresee
-        held_before = tuple(held_residuals(present.model, split.held))
-        ways = both, replace(both, held_before=held_before)
-        if both.is_bound or alone.is_bound or not all(found_beside_slow([w], split, asked.n_causes) for w in ways):
-            return None
     steps = (*state.steps, Step(state.model, replace(alone, score=both.score), (), ()))
     return replace(state, model=lesser.model, steps=steps, tried=state.tried | {first.name}), both
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
-from fomrc_core.diagnosis.candidate import Candidate, begun_of, held_view, refitted, worth_a_refit
+from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     is_accepted,
@@ -28,8 +28,7 @@ from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.other_forms import in_best_form
-from fomrc_core.diagnosis.pair_fits import LikelyPairs
-from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair, pair_ahead
+from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
@@ -91,20 +90,21 @@ def search(
         if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
             # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
             state = on_finer_grid(state, split, executor)
-        among, present, screened = _round_of(state, split, causes, executor, budget)
+        present, wanted, all_screened = _screened(state, split, causes, executor)
+        screened = tuple(trial for trial in all_screened if trial.name in wanted)
         candidates: list[Candidate] = []
         chosen = None
         has_room = len(state.steps) < MAX_FINDINGS and budget.allows(CAUSES)
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
-            candidates, chosen = _asked(among, present, screened, causes)
-            among = replace(among, candidates=candidates)
+            candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
             if chosen is not None and chosen[1].brings_plays and number < _MAX_ROUNDS - 1:
                 # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
                 finer = on_finer_grid(state, split, executor)
                 if finer is not state:
                     state = finer
                     continue
+        among = Round(state, candidates, split, wanted, len(causes), executor, budget, present, all_screened)
         if chosen is not None:
             chosen = or_pair(chosen, among)
         if chosen is None:
@@ -138,18 +138,15 @@ def search(
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
 
 
-def _round_of(
-    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
-) -> tuple[Round, PresentModel, tuple[Screened, ...]]:
-    """Return what is asked among in a round, the present model, and the trials of the causes that are asked alone."""
+def _screened(
+    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None
+) -> tuple[PresentModel, tuple[str, ...], tuple[Screened, ...]]:
+    """Return the present model, the names that are asked for alone, and the screening of all that are absent."""
     present = PresentModel.of(state.model, split)
     wanted = tuple(name for name in causes if name not in state.tried)
     # what was given up alone may act together with another
     absent = tuple(name for name in causes if not state.model.has(name))
-    screened = screen(present, absent, held_view(state.model, split), executor)
-    pairs = LikelyPairs(present, split, screened, executor, state.tried)
-    among = Round(state, [], split, wanted, len(causes), executor, budget, pairs)
-    return among, present, tuple(trial for trial in screened if trial.name in wanted)
+    return present, wanted, screen(present, absent, held_view(state.model, split), executor)
 
 
 def _last_look(
@@ -165,27 +162,26 @@ def _last_look(
 
 
 def _asked(
-    among: Round, present: PresentModel, screened: tuple[Screened, ...], causes: tuple[str, ...]
+    state: SearchState,
+    present: PresentModel,
+    split: DataSplit,
+    screened: tuple[Screened, ...],
+    causes: tuple[str, ...],
+    executor: Executor | None,
+    budget: WorkBudget,
 ) -> tuple[list[Candidate], tuple[SearchState, Candidate] | None]:
     """Return the candidates, and the one to accept with the state before it, None where there is none.
 
     What looks less likely beside the likeliest is asked where of those none is a finding, and at last, however unlikely
     it looks, what takes the place of creep: a law that leaves nothing of what the power law gets wrong may begin on a
-    slope that mends none of it. What is quick is found beside something slow that nobody has found yet. Where two
-    together are far ahead of any one no one is asked.
+    slope that mends none of it. What is quick is found beside something slow that nobody has found yet.
     """
-    state, split, executor = among.state, among.split, among.executor
-    begun = begun_of(present, split, worth_a_refit(present, split, screened), executor)
-    pair = pair_ahead(among, begun)
-    if pair is not None:
-        return [], pair
+    # Many arguments: one move of a search.
     candidates: list[Candidate] = []
     for tier_number in range(_MAX_TIERS + 1):
         is_last = tier_number == _MAX_TIERS
-        if tier_number > 0:
-            by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
-            begun = begun_of(present, split, by_cause, executor)
-        tier = refitted(present, split, begun, executor)
+        by_cause = _in_place_of_creep(screened) if is_last else worth_a_refit(present, split, screened)
+        tier = refitted(present, split, by_cause, executor)
         candidates = sorted((*candidates, *tier), key=lambda candidate: -candidate.total_gain)
         surest = sorted(tier, key=lambda candidate: not is_accepted(candidate, len(causes)))
         accepted = next((candidate for candidate in surest if is_finding(candidate, split, len(causes))), None)
@@ -199,11 +195,11 @@ def _asked(
         if quick is not None:
             candidates = with_kin(quick, candidates, present, split, causes)
             return candidates, (state, found_beside_slow(candidates, split, len(causes)) or quick)
-        asked = {first.cause for first in begun}
+        asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
         if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
             break
-        if not among.budget.allows(CAUSES):
+        if not budget.allows(CAUSES):
             break
     return candidates, None
 

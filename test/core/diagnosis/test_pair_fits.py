@@ -5,21 +5,16 @@ The truth of these records is a plain stage behind a delay, read by a sensor tha
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.candidate import begun_of, held_view
+from fomrc_core.diagnosis.candidate import held_view
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status
-from fomrc_core.diagnosis.pair_fits import LikelyPairs
-from fomrc_core.diagnosis.pair_search import Round, pair_ahead
+from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.search_state import SearchState
-from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording
@@ -48,47 +43,23 @@ def split() -> DataSplit:
     return split_data((_measured(1),), _measured(2), None, NOISE_UM)
 
 
-def _pairs(split: DataSplit) -> LikelyPairs:
-    present = PresentModel.of(PLAIN, split)
-    return LikelyPairs(present, split, screen(present, ASKED, held_view(PLAIN, split)), None, frozenset())
-
-
 def test_the_two_that_act_leave_the_noise_when_they_are_fitted_together(split: DataSplit) -> None:
-    best = _pairs(split).fitted[0]
+    present = PresentModel.of(PLAIN, split)
+    screened = screen(present, ASKED, held_view(PLAIN, split))
+    best = fitted_pairs(present, split, screened, None)[0]
     assert best.pair.names == {"transport_delay", "sensor_nonlinearity"}
     assert best.fitted.squared_error < 1.3 * split.noise_um2
     delay = next(e for e in best.fitted.model.effects if e.name == "transport_delay")
     assert delay.to_mapping()["delay_s"] == pytest.approx(DELAY_S, rel=0.02)
 
 
-def test_a_pair_with_one_cause_is_fitted_although_others_leave_less(split: DataSplit) -> None:
-    pairs = _pairs(split)
-    (drifting, *_) = pairs.beside("gain_drift")
-    assert "gain_drift" in drifting.pair.names
-    assert drifting.fitted.squared_error > 10.0 * pairs.fitted[0].fitted.squared_error
-    assert pairs.beside("transport_delay")[0] is pairs.fitted[0]
-
-
-@pytest.mark.parametrize(("left_by_one", "is_ahead"), [(20.0, True), (5.0, True), (1.5, False)])
-def test_a_pair_far_ahead_of_any_one_cause_is_accepted_as_one_after_the_other(
-    split: DataSplit, left_by_one: float, is_ahead: bool
-) -> None:
-    pairs = _pairs(split)
-    state = SearchState(PLAIN, (), refit(PLAIN, split.train), frozenset())
-    among = Round(state, [], split, ASKED, len(ASKED), None, pairs=pairs)
-    trials = [trial for trial in pairs.screened if trial.name == "slow_relaxation"]
-    (one,) = begun_of(pairs.present, split, [trials], None)
-    fitted, given = one.fits[0]
-    fitted = replace(fitted, squared_error=left_by_one * split.noise_um2)
-    told = pair_ahead(among, [replace(one, fits=((fitted, given),))])
-    if not is_ahead:
-        assert told is None
-        return
-    assert told is not None
-    between, second = told
-    names = {between.steps[-1].accepted.cause, second.cause}
-    assert names == {"transport_delay", "sensor_nonlinearity"}
-    assert {effect.name for effect in between.model.effects} == names - {second.cause}
+def test_a_pair_with_what_was_chosen_is_fitted_as_well(split: DataSplit) -> None:
+    present = PresentModel.of(PLAIN, split)
+    screened = screen(present, ASKED, held_view(PLAIN, split))
+    fitted = fitted_pairs(present, split, screened, None, "cross_axis")
+    assert fitted == sorted(fitted, key=lambda found: found.fitted.squared_error)
+    beside = fitted_pairs(present, split, screened, None, "slow_relaxation")
+    assert any("slow_relaxation" in found.pair.names for found in beside)
 
 
 def test_both_are_told_and_explain_what_is_measured() -> None:

@@ -251,8 +251,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     tiers = {("external_load", "charge_leak"): [load], ("charge_leak",): [leak], (): []}
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
-    monkeypatch.setattr(search, "begun_of", lambda _p, _s, by_cause, _e: [SimpleNamespace(cause=by_cause[0][0].name)])
-    monkeypatch.setattr(search, "refitted", lambda _p, _s, begun, _e: tiers[names_from(begun[0].cause)])
+    monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
     monkeypatch.setattr(search, "is_finding", lambda c, _split, n: decision.is_accepted(c, n))  # made up, not fitted
 
     def names_from(first: str) -> tuple[str, ...]:
@@ -261,8 +260,8 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
 
     final = replace(leak.fitted, squared_error=left * split.noise_um**2 * split.n_used)
     state = SearchState(final.model, (), final, frozenset())
-    among = pair_search.Round(state, [], split, (), 18, None)
-    candidates, chosen = search._asked(among, None, trials, ("a",) * 18)  # type: ignore[arg-type]
+    budget = WorkBudget.unlimited()
+    candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None, budget)  # type: ignore[arg-type]
     if left > search._MUCH_LEFT:
         assert chosen is not None
         assert chosen[1].cause == "charge_leak"
@@ -289,9 +288,9 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     monkeypatch.setattr(search, "screen", lambda *_: ())
     found = iter([(first, "unequal_lag"), (second, "dead_zone")])
 
-    def asked(among: pair_search.Round, *_: object) -> tuple[list[Candidate], object]:
+    def asked(state: SearchState, *_: object) -> tuple[list[Candidate], object]:
         candidate = next(found, (None, ""))[0]
-        return [], None if candidate is None else (among.state, candidate)
+        return [], None if candidate is None else (state, candidate)
 
     monkeypatch.setattr(search, "_asked", asked)
     # a wrong name is put right before a pair is asked for
