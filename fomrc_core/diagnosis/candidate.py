@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
+from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
@@ -38,7 +38,6 @@ _CLOSE_TO_BEST = 0.2  # of what the best signature explains; a cause that explai
 # counts for less.
 _TRAINING_COUNTS = 0.3
 _LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
-_MUCH_LEFT = 4.0  # times the noise's power: where nothing looks likely, the likeliest few are fitted all the same
 _UNPROMISING = 4  # of those few
 _STILL_OPEN = 3.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
 _NEAR = 0.15  # the same where a fit has converged and hardly moved: the plays it began with are those it needs
@@ -204,8 +203,8 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
         if is_sure or trial.explained_held > held_limit:
             by_cause.setdefault(trial.name, []).append(trial)
     if not by_cause:
-        # what a large effect explains at full size its slope does not tell
-        best = [trial for trial in screened if error > _MUCH_LEFT * split.noise_um2]
+        # what a large effect explains at full size its slope does not tell: the likeliest few are fitted all the same
+        best = [trial for trial in screened if error > MUCH_LEFT * split.noise_um2]
         for trial in best:
             if len(by_cause) < _UNPROMISING or trial.name in by_cause:
                 by_cause.setdefault(trial.name, []).append(trial)

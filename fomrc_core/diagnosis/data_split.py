@@ -26,6 +26,8 @@ from fomrc_core.records.residual import rms
 Array = NDArray[np.float64]
 
 _IDLE = 0.5  # of the noise floor: a cause that moves held-out data less does nothing there
+# Times the noise's power, slow noise that no repeat shows among it: where more is left other causes are still hidden.
+MUCH_LEFT = 4.0
 SUBSTEPS = Substeps.BENDS  # of every record and model of a diagnosis: what is told apart is no more than some nm
 
 

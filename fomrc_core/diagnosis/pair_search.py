@@ -13,7 +13,7 @@ from fomrc_core.diagnosis.candidate import (
     held_view,
     is_confirmed,
 )
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import NEARLY, is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
@@ -31,7 +31,6 @@ from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.drive import held_out_blocks
 
-MUCH_LEFT = 4.0  # times the noise's power
 _ALONE = 4  # iterations of the first of a pair without the second
 SPEAKS_UP = 0.3  # in the logarithm of the mean squared error: a third more of it explained than by what was chosen
 _MOST_BESIDE = 2  # findings beside which a pair is sought where no one cause gains

@@ -10,7 +10,7 @@ from functools import partial
 
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
     is_accepted,
     is_finding,
@@ -41,7 +41,6 @@ from fomrc_core.model.causes import cause_classes
 
 MAX_FINDINGS = 5  # beside hysteresis and creep; each costs a round
 _MAX_ROUNDS = 2 * MAX_FINDINGS  # as many in which a cause takes another's place
-_MUCH_LEFT = 4.0  # times the noise's power, slow noise that no repeat shows among it
 _MAX_TIERS = 2  # of a round: each costs its refits
 
 
@@ -87,7 +86,7 @@ def search(
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
-        if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
+        if state.final.squared_error < MUCH_LEFT * split.noise_um2:
             # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
             state = on_finer_grid(state, split, executor)
         present, wanted, all_screened = _screened(state, split, causes, executor)
@@ -197,7 +196,7 @@ def _asked(
             return candidates, (state, found_beside_slow(candidates, split, len(causes)) or quick)
         asked = {trials[0].name for trials in by_cause}
         screened = tuple(trial for trial in screened if trial.name not in asked)
-        if state.final.squared_error < _MUCH_LEFT * split.noise_um2:
+        if state.final.squared_error < MUCH_LEFT * split.noise_um2:
             break
         if not budget.allows(CAUSES):
             break

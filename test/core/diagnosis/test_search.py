@@ -11,7 +11,7 @@ import pytest
 
 from fomrc_core.diagnosis import candidate, decision, pair_search, search
 from fomrc_core.diagnosis.candidate import Candidate
-from fomrc_core.diagnosis.data_split import DataSplit, split_data
+from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.work_budget import WorkBudget
@@ -262,7 +262,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     state = SearchState(final.model, (), final, frozenset())
     budget = WorkBudget.unlimited()
     candidates, chosen = search._asked(state, None, split, trials, ("a",) * 18, None, budget)  # type: ignore[arg-type]
-    if left > search._MUCH_LEFT:
+    if left > MUCH_LEFT:
         assert chosen is not None
         assert chosen[1].cause == "charge_leak"
         assert [c.cause for c in candidates] == ["external_load", "charge_leak"]
