@@ -87,6 +87,10 @@ class _Member:
         return self.trials[0].name, self.trials[0].cause.form()
 
     @property
+    def has_own_times(self) -> bool:
+        return self.trials[0].cause.has_own_times()
+
+    @property
     def takes_either_sign(self) -> bool:
         return self.trials[0].cause.takes_either_sign()
 
@@ -125,7 +129,8 @@ def likely_pairs(
 ) -> tuple[LikelyPair, ...]:
     """Return pairs of causes, that which leaves least first, each unlike those before it.
 
-    Two pairs are alike where what they explain differs by less than what they leave: kin of one lag, in most cases.
+    Two pairs are alike where what they explain differs by less than what they leave: kin of one lag, in most cases. No
+    pair is of two that come and go at times no fit moves: a load makes up for an opening whose times are not yet right.
 
     Args:
         screened: the trial instances with their signatures.
@@ -143,6 +148,8 @@ def likely_pairs(
     moment = np.asarray(shapes @ clear_um, dtype=np.float64)
     best: dict[frozenset[_Form], _Place] = {}
     for place in _places(members, gram, moment):
+        if all(members[k].has_own_times for k in place.at):
+            continue
         forms = frozenset(members[k].form for k in place.at)
         names = frozenset(name for name, _ in forms)
         is_asked = (with_cause is None or with_cause in names) and not names <= given_up

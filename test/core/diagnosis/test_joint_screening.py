@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.joint_screening import LikelyPair, likely_pairs
 from fomrc_core.diagnosis.screening import Screened
+from fomrc_core.effects.external_load import ExternalLoad
+from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
@@ -124,6 +126,22 @@ def test_no_pair_is_of_two_that_were_given_up_and_one_may_be_asked_for_with_anot
     ]
     (beside,) = likely_pairs(trials, left_um.astype(np.float32), 1, with_cause="sensor_nonlinearity", given_up=given_up)
     assert beside.names == {"sensor_nonlinearity", "slow_relaxation"}
+
+
+def test_no_pair_is_of_two_that_come_and_go_at_times_no_fit_moves() -> None:
+    u, v, w = _directions(3, 8)
+    left_um = 3.0 * u + 2.0 * v + w
+    load, opening = (replace(_trial("thermal_drift", s, left_um), index=0) for s in (u, v))
+    trials = [
+        replace(load, cause=ExternalLoad(0.1, 1.0)),
+        replace(opening, cause=IntermittentContact(opens_s=(1.0,), closes_s=(2.0,))),
+        _trial("sensor_nonlinearity", w, left_um),
+    ]
+    pairs = likely_pairs(trials, left_um.astype(np.float32), 3)
+    assert [pair.names for pair in pairs] == [
+        {"external_load", "sensor_nonlinearity"},
+        {"intermittent_contact", "sensor_nonlinearity"},
+    ]
 
 
 def test_the_same_two_in_another_form_are_no_other_pair() -> None:
