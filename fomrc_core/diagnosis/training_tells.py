@@ -1,7 +1,9 @@
-"""Whether data that were learned from surely show a cause that held-out data do not confirm.
+"""Whether a cause that is no finding surely explains what is left.
 
 Where a cause takes most of what is left of the training data and does no better held out, it is no finding: the model
-beside it is wrong there, or another cause acts. But noise it is not, however well it passes for some.
+beside it is wrong there, or another cause acts. Nor is it one where it takes most of both with parameters that no such
+cause has: something else acts that it bends to. But noise it is not, however well it passes for some: nobody foresees
+noise of another record.
 """
 
 from __future__ import annotations
@@ -11,32 +13,43 @@ from dataclasses import replace
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
+from fomrc_core.diagnosis.decision import SIGNIFICANCE
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judgement import Judgement
 from fomrc_core.diagnosis.wander import gain_beyond_wander
+from fomrc_core.model.causes import cause_classes
 
 _MOST = 0.5  # of the power of what is left of the training data: less may be what it learned of their noise
 
 
 def unless_training_tells(judgement: Judgement, runner_up: Candidate | None, split: DataSplit) -> Judgement:
-    """Return the judgement, what is left no noise where a cause surely explains most of it in training.
+    """Return the judgement, what is left no noise where a cause that is no finding surely explains most of it.
 
     Args:
         judgement: of what is left on held-out data.
         runner_up: best candidate of the last round that was no finding, if any.
         split: records.
     """
-    if runner_up is None or not judgement.is_noise or not runner_up.is_plausible or runner_up.is_bound:
+    if runner_up is None or not judgement.is_noise or runner_up.is_bound or runner_up.brings_plays:
         return judgement
-    share = 1.0 - math.exp(-max(runner_up.train_log_gain, 0.0))
-    if (
-        share < _MOST
-        or runner_up.brings_plays
-        or gain_beyond_wander(runner_up.fitted.model, runner_up.cause, split) <= SURE
-    ):
+    share = _share(runner_up.train_log_gain)
+    told = f"{runner_up.cause} explains {100.0 * share:.0f} % of its power in the data it was learned from, and "
+    if runner_up.is_plausible:
+        told += "held-out data do not confirm it"
+    elif _is_foreseen(runner_up):
+        told += f"{100.0 * _share(runner_up.score.log_gain):.0f} % in held-out data, with parameters no such cause has"
+    else:
         return judgement
-    reason = (
-        f"{runner_up.cause} explains {100.0 * share:.0f} % of its power in the data it was learned from, "
-        "and held-out data do not confirm it"
-    )
-    return replace(judgement, is_noise=False, reasons=(*judgement.reasons, reason))
+    if share < _MOST or gain_beyond_wander(runner_up.fitted.model, runner_up.cause, split) <= SURE:
+        return judgement
+    return replace(judgement, is_noise=False, reasons=(*judgement.reasons, told))
+
+
+def _share(log_gain: float) -> float:
+    return 1.0 - math.exp(-max(log_gain, 0.0))
+
+
+def _is_foreseen(candidate: Candidate) -> bool:
+    """Return whether most of what is left of held-out data is foreseen, which noise of another record is not."""
+    is_sure = candidate.score.p_value < SIGNIFICANCE / len(cause_classes())
+    return is_sure and _share(candidate.score.log_gain) >= _MOST

@@ -48,10 +48,24 @@ def test_what_a_cause_explains_in_training_is_no_noise() -> None:
     assert "sensor_nonlinearity explains" in told.reasons[0]
 
 
-@pytest.mark.parametrize("change", [{"is_plausible": False}, {"is_bound": True}])
-def test_a_cause_that_cannot_be_or_is_of_one_record_says_nothing(change: dict[str, bool]) -> None:
+def test_a_cause_of_one_record_says_nothing() -> None:
     candidate, split = _candidate(0.03)
-    assert unless_training_tells(NOISE, replace(candidate, **change), split) is NOISE  # type: ignore[arg-type]
+    assert unless_training_tells(NOISE, replace(candidate, is_bound=True), split) is NOISE
+
+
+def test_what_a_cause_that_cannot_be_foresees_of_another_record_is_no_noise() -> None:
+    candidate, split = _candidate(0.03)
+    candidate = replace(candidate, is_plausible=False)
+    told = unless_training_tells(NOISE, candidate, split)
+    assert not told.is_noise
+    assert told.reasons[0].endswith("in held-out data, with parameters no such cause has")
+
+
+@pytest.mark.parametrize("change", [{"log_gain": 0.0}, {"p_value": 0.1}])
+def test_a_cause_that_cannot_be_and_foresees_nothing_says_nothing(change: dict[str, float]) -> None:
+    candidate, split = _candidate(0.03)
+    candidate = replace(candidate, is_plausible=False, score=replace(candidate.score, **change))
+    assert unless_training_tells(NOISE, candidate, split) is NOISE
 
 
 def test_a_small_gain_or_none_says_nothing() -> None:
