@@ -19,7 +19,7 @@ from fomrc_core.diagnosis.judgement import Judgement
 from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.model.causes import cause_classes
 
-_MOST = 0.5  # of the power of what is left of the training data: less may be what it learned of their noise
+_MOST = 0.5  # of the power of what is left: less of the training data may be what it learned of their noise
 
 
 def unless_training_tells(judgement: Judgement, runner_up: Candidate | None, split: DataSplit) -> Judgement:
@@ -32,24 +32,23 @@ def unless_training_tells(judgement: Judgement, runner_up: Candidate | None, spl
     """
     if runner_up is None or not judgement.is_noise or runner_up.is_bound or runner_up.brings_plays:
         return judgement
-    share = _share(runner_up.train_log_gain)
-    told = f"{runner_up.cause} explains {100.0 * share:.0f} % of its power in the data it was learned from, and "
-    if runner_up.is_plausible:
-        told += "held-out data do not confirm it"
-    elif _is_foreseen(runner_up):
-        told += f"{100.0 * _share(runner_up.score.log_gain):.0f} % in held-out data, with parameters no such cause has"
-    else:
+    share, held_share = (_share(gain) for gain in (runner_up.train_log_gain, runner_up.score.log_gain))
+    if not runner_up.is_plausible and (held_share < _MOST or not _is_sure(runner_up)):
         return judgement
     if share < _MOST or gain_beyond_wander(runner_up.fitted.model, runner_up.cause, split) <= SURE:
         return judgement
-    return replace(judgement, is_noise=False, reasons=(*judgement.reasons, told))
+    unheard = "held-out data do not confirm it"
+    impossible = f"{100.0 * held_share:.0f} % in held-out data, with parameters no such cause has"
+    reason = (
+        f"{runner_up.cause} explains {100.0 * share:.0f} % of its power in the data it was learned from, "
+        f"and {unheard if runner_up.is_plausible else impossible}"
+    )
+    return replace(judgement, is_noise=False, reasons=(*judgement.reasons, reason))
 
 
 def _share(log_gain: float) -> float:
     return 1.0 - math.exp(-max(log_gain, 0.0))
 
 
-def _is_foreseen(candidate: Candidate) -> bool:
-    """Return whether most of what is left of held-out data is foreseen, which noise of another record is not."""
-    is_sure = candidate.score.p_value < SIGNIFICANCE / len(cause_classes())
-    return is_sure and _share(candidate.score.log_gain) >= _MOST
+def _is_sure(candidate: Candidate) -> bool:
+    return candidate.score.p_value < SIGNIFICANCE / len(cause_classes())

@@ -1,4 +1,4 @@
-"""What a cause surely explains of the training data is no noise, though held-out data do not confirm it."""
+"""What a cause that is no finding surely explains, of training data alone or of held-out data as well, is no noise."""
 
 from __future__ import annotations
 
