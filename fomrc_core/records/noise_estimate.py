@@ -34,6 +34,7 @@ _UNSEEN_SHARE = 1.0 - 0.75**2
 _N_LAGS = 64
 _N_LAGS_OF_STEP = 256
 _GROWTH_LEVEL = 1e-4
+_GROWTH_SEEN = 0.3  # of the stroke, as far as the centre is sought beyond what is seen
 _N_PLACES = 24
 _N_CENTRES = 33
 _N_SIGMA_CLIPPED = 6.0
@@ -119,7 +120,7 @@ def _from_stretches(
         values, found = without_lines(stretch.values_um)
         cleaned.append(replace(stretch, values_um=_clipped(values)))
         lines += [f / period_s for f in found]
-    slope, centre = _growth(cleaned)
+    slope, centre = _growth(cleaned, _GROWTH_SEEN * float(np.ptp(displacement_um)))
     even = [
         replace(s, values_um=s.values_um / np.sqrt(1.0 + (slope * (s.displacement_um - centre)) ** 2)) for s in cleaned
     ]
@@ -217,19 +218,21 @@ def _clipped(values: Array) -> Array:
     return np.clip(values, -limit, limit) if limit > 0.0 else values
 
 
-def _growth(stretches: Sequence[NoiseStretch]) -> tuple[float, float]:
+def _growth(stretches: Sequence[NoiseStretch], least_um: float) -> tuple[float, float]:
     """Return by how much noise grows with displacement [1/um] and from where [um]; zeros where it does not.
 
     Squares of the whitened noise, averaged over places, are fitted with ``a + b (x - c)^2``, a and b zero or more, the
-    centre c tried over three times the range. The growth has to be likelier than none at one in ten thousand.
+    centre c tried over three times the range. The growth has to be likelier than none at one in ten thousand, and is
+    not told from places nearer to each other than least_um: nobody knows how it goes on from there.
     """
     whitener = burg([s.values_um * np.sqrt(s.power_gain) for s in stretches], _N_LAGS // 2)
     if whitener.variance_um2 <= 0.0:
         return 0.0, 0.0
     square = np.concatenate([whitener.whiten(s.values_um) ** 2 for s in stretches])
-    x = np.concatenate([s.displacement_um for s in stretches])
+    # where the actuator was, and not what the noise made of it: at rest that is all that is read
+    x = np.concatenate([s.displacement_um - s.values_um for s in stretches])
     span = float(np.ptp(x))
-    if span == 0.0:
+    if span == 0.0 or span < least_um:
         return 0.0, 0.0
     place = np.minimum(((x - np.min(x)) * (_N_PLACES / span)).astype(np.int64), _N_PLACES - 1)
     count = np.bincount(place, minlength=_N_PLACES).astype(np.float64)

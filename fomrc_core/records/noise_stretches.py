@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.runs import runs_of
 from fomrc_core.records.noise_spectrum import NoiseStretch
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import Repeat
+from fomrc_core.records.sensor_step import sensor_step_um
 
 _N_DRIFT = 4
 # What is left after the slow functions has to be mostly noise: eight samples for each of them.
@@ -26,6 +28,9 @@ _N_TRIMS = 4
 _ROUNDING = 1e-9
 _REST_BLOCK = 32
 _MISMATCH_MAX = 1e-3
+# Scatter of the changes around one, in median deviations of 32: a Gaussian noise holds no part of its power beyond.
+_FAR_OUT = 6.0
+_MOST_OF_POWER = 0.5
 
 
 @dataclass(frozen=True)
@@ -75,13 +80,14 @@ def stretches_of_rests(
     Noise as slow as the rest goes with the creep.
     """
     x, usable = _filled(recording, is_usable)
+    step_um = sensor_step_um(x[usable])
     found = []
     for rest in rests:
         if np.mean(usable[rest.start : rest.stop]) < _USABLE_SHARE:
             continue
         values = x[rest.start : rest.stop]
         left = _relaxed(values[:, None])
-        if left is not None:
+        if left is not None and not _jumps(left, step_um):
             found.append(NoiseStretch(left, values[values.size - left.size :], 1.0, _N_DRIFT))
     return tuple(found)
 
@@ -98,6 +104,7 @@ def stretches_of_repeats(
     """
     x, usable = _filled(recording, is_usable)
     v = recording.voltage_v
+    step_um = sensor_step_um(x[usable])
     found = []
     for repeat in repeats:
         period, end = repeat.period_samples, repeat.stop + repeat.period_samples
@@ -116,7 +123,7 @@ def stretches_of_repeats(
             columns = np.column_stack([c[first + period : end] - c[first : repeat.stop] for c in (x, v)])
             left = _relaxed(columns / np.sqrt(2.0) if is_read_back else columns[:, :1] / np.sqrt(2.0))
             gain = 1.0
-        if left is not None:
+        if left is not None and not _jumps(left, step_um):
             stop = end if n_periods >= 2 else repeat.stop
             found.append(NoiseStretch(left, x[stop - left.size : stop], gain, _N_DRIFT))
     return tuple(found)
@@ -167,6 +174,20 @@ def _creep(ages: Array) -> Array:
 def _starts_wild(left: Array) -> bool:
     block = left.size // _YOUNG
     return float(np.std(left[:block])) > _TRANSIENT * float(np.std(left[block:]))
+
+
+def _jumps(left: Array, step_um: float) -> bool:
+    """Return whether most of the power of the changes from sample to sample is in few that stand out around them.
+
+    A lead that opened in one copy and closed again, a load that was laid on: these come once, and are no noise, which
+    changes by about as much at each sample, be it white, flicker or a walk. Scatter is taken around each change, for
+    noise that grows with displacement; readings of a sensor with steps change by a step or not at all.
+    """
+    change = np.abs(np.diff(left))
+    around = median_filter(change, size=_REST_BLOCK, mode="reflect") / 0.6745
+    least = 2.0 * step_um if np.isfinite(step_um) else 0.0
+    stands_out = change > np.maximum(_FAR_OUT * around, least)
+    return float(np.sum(change[stands_out] ** 2)) > _MOST_OF_POWER * float(np.sum(change**2))
 
 
 def _filled(recording: Recording, is_usable: Mask | None) -> tuple[Array, Mask]:

@@ -7,6 +7,7 @@ import pytest
 
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
 from fomrc_core.records.noise import autocorrelation_inflation, known_noise, noise_floor
+from fomrc_core.records.noise_estimate import estimate_noise
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import find_repeats
 
@@ -66,6 +67,41 @@ def test_hum_is_not_noise() -> None:
     t = np.arange(drive.size) / RATE_HZ
     floor = noise_floor([record(drive, 1e-3 * rng.standard_normal(t.size) + 5e-3 * np.sin(2 * np.pi * 50.3 * t))])
     assert floor.floor_um < 1.6e-3
+
+
+def test_what_happens_once_in_one_copy_of_a_repeat_is_no_noise() -> None:
+    rng = np.random.default_rng(11)
+    drive = repeated_drive(rng, 3)
+    noise = 1e-3 * rng.standard_normal(drive.size)
+    stands = record(drive, noise).measured_um.copy()
+    stands[3300:3380] = stands[3300] + noise[3300:3380]  # a lead opens, and the stage jumps where it should have been
+    opened = Recording(np.arange(drive.size) / RATE_HZ, drive, stands)
+    loaded = record(drive, noise + 0.5 * (np.arange(drive.size) >= 3300))
+    for each in (opened, loaded):
+        assert noise_floor([each]).floor_um == pytest.approx(1e-3, rel=0.2)
+        assert estimate_noise([each]).rms_um == pytest.approx(1e-3, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("kind", ["white", "flicker", "walk", "of the place", "in steps", "behind a filter"])
+def test_noise_of_any_kind_is_known_from_repeats(kind: str, seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    spectrum = np.zeros(151, dtype=complex)
+    spectrum[1:20] = np.exp(2j * np.pi * rng.random(19))
+    drive = np.concatenate((np.zeros(40), np.tile(np.fft.irfft(spectrum, 300) * 100.0, 2)))
+    white = rng.standard_normal(drive.size)
+    lines = np.fft.rfft(white)
+    lines[1:] /= np.sqrt(np.arange(1, lines.size))
+    x = 3.0 * drive
+    read = {
+        "white": x + 1e-3 * white,
+        "flicker": x + 1e-2 * np.fft.irfft(lines, drive.size),
+        "walk": x + 1e-3 * np.cumsum(white),
+        "of the place": x + 1e-3 * white * (0.05 + np.abs(x) / np.max(np.abs(x))),
+        "in steps": 3e-3 * np.round((x + 5e-4 * white) / 3e-3),
+        "behind a filter": x + 1e-3 * np.convolve(white, np.ones(12) / 12.0, "same"),
+    }[kind]
+    assert np.isfinite(noise_floor([Recording(np.arange(drive.size) / RATE_HZ, drive, read)]).repeats_um)
 
 
 def test_repeats_are_found_where_they_are() -> None:

@@ -133,6 +133,16 @@ def test_growth_with_displacement_is_seen_where_there_is_some() -> None:
     assert np.std(white) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_at_one_place_says_nothing_of_growth(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    drive_v = np.concatenate((np.zeros(500), 0.01 * np.cumsum(rng.standard_normal(4000)), np.zeros(300)))
+    read_um = 3.0 * drive_v + 1e-3 * rng.standard_normal(drive_v.size)
+    model = estimate_noise([Recording(np.arange(drive_v.size) / 1e3, drive_v, read_um)])
+    assert model.growth_per_um == 0.0
+    assert model.rms_um == pytest.approx(1e-3, rel=0.15)
+
+
 @pytest.mark.parametrize("step_um", [1e-3, 5e-3])
 @pytest.mark.parametrize("drive", ["four periods", "triangles with holds"])
 def test_the_error_of_a_quantiser_is_in_the_noise(step_um: float, drive: str) -> None:
