@@ -17,15 +17,17 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 
-_FARTHEST, _NEAREST = 8.0, 0.1  # samples a time is moved by: at first, and when no move is worth more
+_MOVES = (8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.5, 0.25, 0.125)  # samples a time is moved by
 _MOST_TRIALS = 600  # a simulation each
 
 
 def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialModel:
     """Return the model with the times of its causes in one record where they leave least, the idle ones gone.
 
-    Each time in turn goes a step earlier and later; where none gains the step is halved. No time goes to or from where
-    the record's samples are not looked at: there nothing holds it, and it would make up for what is wrong elsewhere.
+    Each time in turn goes where it leaves least of all places within some samples, the near ones asked as well as the
+    far ones: a drive comes by one voltage often, and a step that is too long leads into the next valley. No time goes
+    to or from where the record's samples are not looked at: there nothing holds it, and it would make up for what is
+    wrong elsewhere.
 
     Args:
         model: of this record alone, or of several of which this is one.
@@ -63,22 +65,22 @@ def _cause(model: TrialModel, index: int, name: str) -> Cause:
 
 
 def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
-    step_s = _FARTHEST * float(np.median(record.steps_s))
-    least_s = _NEAREST / _FARTHEST * step_s
-    error, n_trials = _error(model, record, index), 0
-    while step_s >= least_s and n_trials < _MOST_TRIALS:
+    step_s = float(np.median(record.steps_s))
+    changes_s = [sign * samples * step_s for samples in _MOVES for sign in (1.0, -1.0)]
+    error, n_trials, is_better = _error(model, record, index), 0, True
+    while is_better and n_trials < _MOST_TRIALS:
         is_better = False
         for number in _numbers(cause, record):
-            for change_s in (step_s, -step_s):
+            best = error, model, cause
+            for change_s in changes_s:
                 for trial in _with_one_moved(cause, number, change_s, record):
                     option = model.with_cause(trial, index)
                     option_error = _error(option, record, index)
                     n_trials += 1
-                    if option_error < error:
-                        model, cause, error, is_better = option, trial, option_error, True
-                        break
-        if not is_better:
-            step_s *= 0.5
+                    if option_error < best[0]:
+                        best = option_error, option, trial
+            is_better = is_better or best[1] is not model
+            error, model, cause = best
     return model
 
 

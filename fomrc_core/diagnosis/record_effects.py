@@ -44,6 +44,9 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
         timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
         model = fit_one_record(model, one, part.index, kinds - timed)
+        for kind in sorted(kinds - timed) if len(kinds) > 1 else ():
+            # the first was fitted where the others were not known yet
+            model = _anew_where_better(model, one, part.index, kind)
         if any(cause.has_own_times() for cause in model.causes_in(part.index)):
             # a moment in a block nobody looked at is where its neighbours put it: it is moved where all can be seen
             alone = with_times_moved(model.alone(part.index), part.record, 0)
@@ -81,14 +84,14 @@ def refollowed(model: TrialModel, split: DataSplit) -> TrialModel:
 def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor | None) -> Refit:
     """Return the joint refit with an effect of single records sought anew in every record, where that is better.
 
-    The first search saw each record through a base that still bent to what the effect did in all of them; in one alone
-    a fit has moved it since, but for times that no fit moves.
+    The first search saw each record through a base that still bent to what the effect did in all of them, or beside
+    another cause that made up for what it got wrong: a past whose length no longer matters does not come back by a fit.
     """
     model = final.model
     for index, record in enumerate(split.train):
         if model.has(cause, index):
             model = with_times_moved(model, record, index)
-        if (len(split.train) > 1 or cause_classes()[cause].moved_times) and model.has(cause, index):
+        if model.has(cause, index):
             model = _anew_where_better(model, record, index, cause)
     for _ in range(_MOST_TURNS):
         if model is final.model:
@@ -129,9 +132,22 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         starts = [*options[:_MAX_STARTS], *(alone.with_cause(cause, 0) for cause in known)]
         fits = [_refit_own(start, record, kinds) for start in starts]
         # a time that is off by some samples may leave more than none at all: moved first, compared then
-        best = with_times_moved(min(fits, key=lambda option: _error(option, record)), record, 0)
+        best = _with_times_and_sizes(min(fits, key=lambda option: _error(option, record)), record, kinds)
         alone = min((alone, best), key=lambda option: _error(option, record))
     return model.with_record_of(alone, index)
+
+
+def _with_times_and_sizes(model: TrialModel, record: FitRecord, kinds: set[str]) -> TrialModel:
+    """Return the model of one record with times moved and sizes fitted in turn: each waits for the other."""
+    error = _error(model, record)
+    for _ in range(_MOST_TURNS):
+        moved = with_times_moved(model, record, 0)
+        fitted = _refit_own(moved, record, kinds)
+        model = min((model, moved, fitted), key=lambda option: _error(option, record))
+        before, error = error, _error(model, record)
+        if error > _STILL * before:
+            break
+    return model
 
 
 def _as_elsewhere(model: TrialModel, index: int, name: str, present: PresentModel) -> Sequence[Cause]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled
@@ -14,11 +15,13 @@ _STANDS = 4.0  # noise: how far a reading strays from a level
 _MOST = 12  # openings of a record; more that look like it are the way of the stage, as play or a converter's steps
 _FAR_MORE = 4.0  # times what the stage misses in its own way, which is about as much each time
 _MOST_TRIED = 300  # jumps, the largest: of more the lead's are among them, or it is not what is wrong
+_SLOWLY = 16  # samples over which noise that wanders strays
 _LEAST_SAMPLES = 3  # that stand: two alike are chance
 _LEFT = 0.1  # of what the drive has done meanwhile: the least that is left of it when it jumps
 _GOES_ON = 0.3  # of the drive's way: less is a stage that stands and creeps
 _IS_BACK = 0.5  # of what the drive did meanwhile comes back soon, and no more than twice of it
 _MOVES = 6.0  # noise: what the drive would have moved the stage by
+_UNSEEN = 40.0  # noise: the same over the last samples of a stand that ends without a jump, as at no turn of the drive
 
 
 def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -31,16 +34,18 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     time_s, measured_um = record.time_s, record.predicted_um + record.residual_um
     jumps_um = np.diff(record.residual_um)
     noise_um = max(noise_um, _MEDIAN_TO_RMS * float(np.median(np.abs(jumps_um))) / np.sqrt(2.0))
+    stray_um = _stray_um(record.residual_um, noise_um)
     jumped = np.flatnonzero(np.abs(jumps_um) > _JUMP * np.sqrt(2.0) * noise_um) + 1
     if jumped.size > _MOST_TRIED:
         jumped = np.sort(jumped[np.argsort(-np.abs(jumps_um[jumped - 1]))[:_MOST_TRIED]])
     span_v = float(np.ptp(record.voltage_v))
     um_per_v = float(np.ptp(record.predicted_um)) / span_v if span_v > 0.0 else 0.0
+    went_on = _ends_of_stands(measured_um, um_per_v * record.voltage_v, noise_um)
     found: list[tuple[float, float]] = []
     missed_um: list[float] = []
     moved_um = um_per_v * record.voltage_v
-    for end in jumped:
-        begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * noise_um)
+    for end in np.union1d(jumped, went_on):
+        begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * stray_um)
         if end - begin < _LEAST_SAMPLES or begin == 0:
             continue
         # on a ramp the level seems to begin before it does, and what the drive did since would be too much
@@ -60,7 +65,8 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         due_um = moved_um[after] - held_um
         back_um = measured_um[after] - measured_um[end - 1]
         back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
-        is_missed = abs(unseen_um[-1]) > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
+        left_out_um = float(np.max(np.abs(unseen_um))) if end in went_on else abs(unseen_um[-1])
+        is_missed = left_out_um > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
         is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - held_um)
         if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
             continue
@@ -79,6 +85,24 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     if len(found) > _MOST:
         return (), ()
     return tuple(pair[0] for pair in found), tuple(pair[1] for pair in found)
+
+
+def _stray_um(residual_um: Array, noise_um: float) -> float:
+    """Return how far noise that wanders strays from a level [um]: farther than it changes from sample to sample."""
+    changes_um = np.abs(residual_um[_SLOWLY:] - residual_um[:-_SLOWLY])
+    return max(noise_um, _MEDIAN_TO_RMS * float(np.median(changes_um)) / np.sqrt(2.0)) if changes_um.size else noise_um
+
+
+def _ends_of_stands(measured_um: Array, moved_um: Array, noise_um: float) -> NDArray[np.int64]:
+    """Return the samples at which a stage goes on that stood while the drive moved.
+
+    Where the drive comes by the place at which the lead opened when it closes, nothing jumps.
+    """
+    moves = np.abs(np.diff(measured_um)) > _JUMP * np.sqrt(2.0) * noise_um
+    ends = np.flatnonzero(moves[2:] & ~moves[1:-1] & ~moves[:-2]) + _LEAST_SAMPLES
+    unseen_um = np.abs(moved_um[ends - 1] - moved_um[ends - _LEAST_SAMPLES])
+    may_be = unseen_um > _UNSEEN * noise_um
+    return np.sort(ends[may_be][np.argsort(-unseen_um[may_be])[:_MOST_TRIED]])
 
 
 @compiled

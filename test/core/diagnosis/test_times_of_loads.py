@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.diagnosis.record_effects import follow_held
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
@@ -107,3 +111,16 @@ def test_a_load_is_found_in_records_whose_sensor_stuck_for_a_while() -> None:
     found = diagnose(records[0], test=records[1])
     assert [finding.cause for finding in found.findings] == ["external_load"]
     assert found.status is Status.EXPLAINED
+
+
+def test_a_load_is_followed_in_a_held_out_record_in_time_and_size() -> None:
+    n = 1300
+    load_um = 0.3 * settled(n, 622.4, 1010.7, 12.0)
+    learned, other = _loaded(np.zeros(n)), _loaded(load_um)
+    model = replace(PLAIN, record_effects=((ExternalLoad(0.3, 2.0),), ()))
+    part = HeldOut(other, 1)
+    followed = follow_held(model, DataSplit((learned,), (part,), (part,), 1e-3))
+    (load,) = followed.causes_in(1)
+    assert isinstance(load, ExternalLoad)
+    assert load.displacement_um == pytest.approx(0.3, rel=0.005)
+    assert load.onset_s + load.rise_s == pytest.approx(STEP_S * 634.4, abs=STEP_S)

@@ -199,3 +199,55 @@ def test_an_opening_of_a_held_out_record_is_followed_in_whichever_block_it_is() 
     (lead,) = followed.record_effects[1]
     assert isinstance(lead, IntermittentContact)
     np.testing.assert_allclose([lead.opens_s, lead.closes_s], [[opens_s], [closes_s]], atol=0.15 * STEP_S)
+
+
+def test_an_opening_is_seen_that_ends_where_the_drive_comes_by_its_level() -> None:
+    n, noise_um = 600, 0.01
+    drive_v = 5.0 * np.sin(2 * np.pi * np.arange(n) / 40.3) * np.minimum(np.arange(n) / 100.0, 1.0)
+    # a period later the drive is nearly where it was, the lead closes, and the rest is made up for slowly
+    first = 306
+    last = first + 41
+    shown_um = held(drive_v, [(first, last)])
+    since = np.maximum(np.arange(n) - last, 0)
+    shown_um[last:] += (shown_um[last - 1] - drive_v[last - 1]) * np.exp(-since[last:] / 30.0)
+    left_um = shown_um - drive_v + np.random.default_rng(3).normal(0.0, noise_um, n)
+    assert abs(left_um[last] - left_um[last - 1]) < 4.0 * noise_um, "nothing jumps"
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, drive_v, left_um)
+    opens_s, closes_s = open_times(record, noise_um)
+    np.testing.assert_allclose([opens_s, closes_s], [[STEP_S * first], [STEP_S * last]], atol=2.5 * STEP_S)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_openings_within_plateaus_are_seen_beside_noise_that_wanders(seed: int) -> None:
+    rng, size = np.random.default_rng(seed), 100
+    drive_v = np.repeat([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0], size)
+    since = np.tile(np.arange(size), 7)
+    moved_um = drive_v - 0.05 * np.exp(-since / 30.0)
+    shown_um = moved_um.copy()
+    for first, last in ((195, 240), (395, 470)):
+        shown_um[first:last] = moved_um[first]
+    wander_um = np.zeros(drive_v.size)
+    for k in range(1, drive_v.size):
+        wander_um[k] = 0.95 * wander_um[k - 1] + 2e-3 * rng.standard_normal()
+    left_um = shown_um + wander_um - moved_um
+    record = RecordEvidence(STEP_S * np.arange(drive_v.size), np.full(drive_v.size, STEP_S), drive_v, moved_um, left_um)
+    opens_s, closes_s = open_times(record, 1e-3)
+    np.testing.assert_allclose(closes_s, [2.395, 4.695], atol=1.5 * STEP_S)
+    # when it opened in a plateau nothing shows before the step
+    assert np.all(np.array(opens_s) > [1.0 - STEP_S, 3.0 - STEP_S])
+    assert np.all(np.array(opens_s) < [2.0, 4.0])
+
+
+def test_an_opening_does_not_move_into_another_valley() -> None:
+    n = 1200
+    time_s = STEP_S * np.arange(n)
+    # a drive that comes by one voltage every ten samples
+    drive_v = np.minimum(time_s, 1.0) * (np.sin(2 * np.pi * time_s / 0.1) + 0.4 * np.sin(2 * np.pi * time_s / 0.73))
+    true = IntermittentContact(opens_s=(5.013,), closes_s=(5.165,))
+    moved_um = predict(_plain_with(true), FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    record = FitRecord.of(Recording(time_s, drive_v, moved_um))
+    for off in (-1.3, -0.7, 1.0, 1.3):
+        begun = IntermittentContact(opens_s=(5.013 + off * STEP_S,), closes_s=(5.165,))
+        (lead,) = with_times_moved(_plain_with(begun), record, 0).record_effects[0]
+        assert isinstance(lead, IntermittentContact)
+        np.testing.assert_allclose([lead.opens_s, lead.closes_s], [[5.013], [5.165]], atol=0.5 * STEP_S)
