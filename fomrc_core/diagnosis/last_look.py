@@ -24,7 +24,7 @@ from fomrc_core.diagnosis.decision import (
 )
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
-from fomrc_core.diagnosis.pair_search import SPEAKS_UP, best_beside
+from fomrc_core.diagnosis.pair_search import SPEAKS_UP, best_beside, score_of_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import AS_NOISE
@@ -88,6 +88,10 @@ def looked_at_last(
             looked[at] = replace(step, margin=math.nan, whitened_margin=math.nan)
             continue
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
+        anew = next((c for c in candidates if c.cause == name), None)
+        if anew is not None and sure_gain(final, anew.fitted, split) > SURE:
+            return LastLook(tuple(steps), (at, anew))
+        candidates = [c for c in candidates if c is not anew]
         # such a one is only compared: nothing takes its place
         better = None if is_bound else _better(own, candidates, final, split, len(causes))
         if better is None and not is_bound:
@@ -109,9 +113,14 @@ def _better(
     """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters."""
     held = held_residuals(final.model, split.held)
     for other in candidates:
-        if other.is_bound or not is_accepted(other, n_causes):
+        if not is_accepted(other, n_causes):
             continue
         learnt = sure_gain(final, other.fitted, split)
+        if other.is_bound:
+            # scored on blocks of its own record until it is followed in the held-out one
+            if learnt > SURE and score_of_pair(final.model, other.fitted.model, split).log_gain > _BETTER:
+                return other
+            continue
         if learnt <= SURE and (learnt <= 0.0 or other.brings_plays or margin_of(own, [other], split) >= -SURE):
             continue
         if cause_classes()[other.cause].generalizes == own.cause and not is_surely_better(other, own):
@@ -158,7 +167,8 @@ def _in_place_of(
 ) -> tuple[Candidate, list[Candidate], tuple[Candidate, ...]]:
     """Return a cause as a candidate for what is left without it beside all the others, and who else there is.
 
-    Its kin that was not asked for comes last: it can take nobody's place.
+    Its kin that was not asked for comes last: it can take nobody's place. What belongs to single records is among them
+    itself, begun anew: a past or a time found while others were hidden does not come to what is right by a fit.
     """
     # Many arguments: one search, looked at from within.
     name = step.accepted.cause
@@ -166,7 +176,8 @@ def _in_place_of(
     fewer = final.model.as_before(step.before, name)
     lesser = refit(fewer, split.train, n_iterations=2, executor=executor).model
     present = PresentModel.of(lesser, split)
-    wanted = tuple(cause for cause in causes if cause not in found)
+    again = {name} if step.accepted.is_bound else set()
+    wanted = tuple(cause for cause in causes if cause not in found - again)
     screened = screen(present, wanted, held_view(lesser, split), executor)
     own = candidate_of(present, split, name, final, bound=step.accepted.is_bound)
     candidates = candidates_for(present, split, screened, executor, own)

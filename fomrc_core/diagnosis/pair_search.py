@@ -172,7 +172,7 @@ def _in_order(asked: Round, fitted: Refit, first: Screened, second: Screened) ->
     except ParameterError:
         return None
     if not alone.is_bound:
-        both = replace(both, score=_score_of_pair(present.model, fitted.model, split))
+        both = replace(both, score=score_of_pair(present.model, fitted.model, split))
     elif not is_confirmed(fitted, split, first.name):
         return None
     if not is_finding(both, split, asked.n_causes) or not is_no_wander(both, split, first.name):
@@ -251,12 +251,12 @@ def _second_of_pair(asked: Round, first: Candidate) -> Candidate | None:
     if not first.is_bound:
         if is_accepted(first, asked.n_causes) and not is_no_wander(second, asked.split, first.cause):
             return None
-        return replace(second, score=_score_of_pair(asked.state.model, second.fitted.model, asked.split))
+        return replace(second, score=score_of_pair(asked.state.model, second.fitted.model, asked.split))
     is_told = is_confirmed(second.fitted, asked.split, first.cause)
     return second if is_told and is_no_wander(second, asked.split, first.cause) else None
 
 
-def _score_of_pair(before: TrialModel, pair: TrialModel, split: DataSplit) -> HeldOutScore:
+def score_of_pair(before: TrialModel, pair: TrialModel, split: DataSplit) -> HeldOutScore:
     """Return how a pair does on held-out data beside the model before it.
 
     What belongs to single records acts in the held-out one in its own way: it is fitted to some blocks there, and the

@@ -236,7 +236,7 @@ def _with_finding(
     if in_form is not final:
         # those it was compared with stood beside another form: the last look compares it anew
         final, step = in_form, replace(step, margin=math.nan, whitened_margin=math.nan)
-    for name in sorted(_sought_again_beside(accepted, final.model)):
+    for name in sorted(_sought_again_beside(accepted, final.model, split)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
     found = pruned(found, split, executor)
@@ -246,10 +246,14 @@ def _with_finding(
     return found
 
 
-def _sought_again_beside(accepted: Candidate, model: TrialModel) -> set[str]:
-    """Return the causes of single records to seek anew: one just found, and those with times a fit does not move."""
+def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSplit) -> set[str]:
+    """Return the causes of single records to seek anew: one just found, and those with times a fit does not move.
+
+    One just found in a single record a fit has moved since, but for such times.
+    """
     timed = {cause.name for at, cause in model.found() if at is not None and cause.has_own_times()}
-    return timed | ({accepted.cause} if accepted.is_bound else set())
+    is_seen_anew = len(split.train) > 1 or bool(cause_classes()[accepted.cause].moved_times)
+    return timed | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
 
 
 def _better_rival(

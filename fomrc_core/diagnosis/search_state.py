@@ -10,7 +10,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
@@ -56,6 +56,9 @@ def with_rival(
     """
     steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
     final = fit_until_still(rival.fitted.model, split.train, executor)
+    for name in sorted({cause.name for at, cause in final.model.found() if at is not None}):
+        # they were found beside what stood there before
+        final = sought_again(final, split, name, executor)
     tried = frozenset(step.accepted.cause for step in steps)
     return pruned(SearchState(follow_held(final.model, split), steps, final, tried), split, executor)
 

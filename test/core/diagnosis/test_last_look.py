@@ -168,6 +168,33 @@ def test_a_load_that_was_not_sure_while_others_were_hidden_is_compared_again_and
     assert told == ((margin, whitened) if not is_asked else pytest.approx((0.0, 0.0), abs=1e-9))
 
 
+def _bound(candidate: Candidate, cause: str = "external_load") -> Candidate:
+    return replace(candidate, cause=cause, is_bound=True)
+
+
+@pytest.mark.parametrize(("held_gain", "left", "takes_it"), [(0.5, 1.0, True), (-0.1, 1.0, False), (0.5, 3.0, False)])
+def test_what_befell_a_record_takes_the_place_of_what_stood_in_for_it(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, held_gain: float, left: float, takes_it: bool
+) -> None:
+    own, load = _candidate(split, "voltage_dependent_capacitance", 3.0, 2), _bound(_candidate(split, "", left, 3))
+    # followed in the held-out record it gains there too, or not
+    score = replace(load.score, log_gain=held_gain)
+    monkeypatch.setattr(last_look, "score_of_pair", lambda *_: score)
+    assert _look(split, monkeypatch, own, load).better == ((0, load) if takes_it else None)
+
+
+@pytest.mark.parametrize(("left", "takes_it"), [(1.0, True), (1.3, False)])
+def test_a_past_begun_anew_beside_what_was_found_since_takes_its_own_place(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float, takes_it: bool
+) -> None:
+    own = _bound(_candidate(split, "", 1.3, 3), "voltage_dependent_capacitance")
+    anew = replace(own, fitted=_candidate(split, "", left, 3).fitted)
+    look = _look(split, monkeypatch, own, anew)
+    assert look.better == ((0, anew) if takes_it else None)
+    # it is no rival of itself
+    assert look.steps[0].tied == ()
+
+
 def test_what_may_not_be_compared_any_more_has_no_margin(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
     own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
     monkeypatch.setattr(last_look, "_in_place_of", lambda *_: pytest.fail("asked all the same"))
