@@ -21,12 +21,13 @@ from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.belief import probability_of_unknown, with_probabilities
 from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, quoted_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.finer_grid import on_same_grid
 from fomrc_core.diagnosis.followed_rest import may_be_followed, unless_followed
-from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status, judge
+from fomrc_core.diagnosis.judged_rest import JudgedRest
+from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.long_search import LongSearch
 from fomrc_core.diagnosis.looked_over import LookedOver
@@ -35,15 +36,12 @@ from fomrc_core.diagnosis.next_experiment import propose
 from fomrc_core.diagnosis.prepared import Prepared
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_view import RecordView, record_views
-from fomrc_core.diagnosis.remainder import dependences
 from fomrc_core.diagnosis.search import SearchResult, search
-from fomrc_core.diagnosis.slow_rest import is_slower_than_seen
-from fomrc_core.diagnosis.steady_line import steady_line
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.training_tells import unless_training_tells
-from fomrc_core.diagnosis.unevenness import slow_unevenness, unevenness
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
 from fomrc_core.diagnosis.untaught import BeyondLearned
+from fomrc_core.diagnosis.weights_of_all import unless_of_weights
 from fomrc_core.diagnosis.work_budget import cut_short, unless_uncompared
 from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
@@ -51,7 +49,7 @@ from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.model.piezo_model import PiezoModel
-from fomrc_core.records.noise import NoiseFloor, rounding_of
+from fomrc_core.records.noise import NoiseFloor
 from fomrc_core.records.quality import DataQuality
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import normalised_percent, rms
@@ -167,6 +165,7 @@ class Diagnosis:
             f" of the range; unexplained {self.unexplained_percent:.3g} %"
         )
         lines += self.doubts
+        lines += [f"what is left is taken for noise, but: {words}" for words in self.judgement.rests_on]
         lines += [words for words in cut_short(self.left_out) if words not in self.doubts]
         if self.unnamed is not None:
             lines.append(str(self.unnamed))
@@ -314,34 +313,22 @@ def _result(
     if extension.is_base:
         base = extension.trial  # what is told of it is told of what is written: weights as elements can have them
     tell(0.97, "what remains")
-    records, worst, floor = record_views(split, base, extension.trial, noise)
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
-    rounding_um = rounding_of(quoted_um)
-    floor = max(floor, rounding_um)
-    before = rms(np.concatenate(held_residuals(base, split.report)))
-    after = rms(np.concatenate(held_residuals(extension.trial, split.report)))
     train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
-    findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
-    findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
-    driven = [view.driven() for view in records]
-    tests = (*dependences(driven), steady_line(driven))
-    sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor, noise.slowest_seen_s)
-    if not sees_slow:
-        tests = (*tests, unevenness(driven), slow_unevenness(driven))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
-    learned_um = residuals(extension.trial, split.train)
-    learned = rms(np.concatenate([v[r.is_used] for v, r in zip(learned_um, split.train, strict=True)]))
-    learned = max(learned, rounding_um)
-    is_flexible = extension.trial.n_owned > base.n_owned
-    judgement = judge(floor, sees_slow, before, after, worst, tests, learning, learned, is_flexible)
+    rest = JudgedRest.of(extension.trial, base, split, noise, learning)
+    records, floor = rest.records, rest.floor_um
+    findings = findings_of(steps, extension.trial, found.final, split, floor, n_elements_needed(extension.model))
+    findings = (*as_in_model(known, extension.trial, found.final, split), *findings)
+    judgement = unless_of_weights(rest, extension.trial, base, split, noise)
     judgement = unless_training_tells(judgement, found.runner_up, split)
     constant = constancy(found.model, found.final, split)
     judgement = unless_inconstant(judgement, constant)
     findings = tuple(replace(finding, twice=constant.of_cause(finding.cause)) for finding in findings)
     tell(0.98, "what no cause explains")
     unnamed = None
-    if not judgement.is_noise or may_be_followed(after, floor):
+    if not judgement.is_noise or may_be_followed(rest.after_um, floor):
         unnamed = unnamed_extension(extension.trial, split, floor)
     judgement = unless_followed(judgement, unnamed[1] if unnamed is not None else None)
     everything = with_probabilities(findings, judgement)

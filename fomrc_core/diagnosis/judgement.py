@@ -60,6 +60,7 @@ class Judgement:
         unexplained_share: share of the power by which the base missed the data that is left [1].
         dependences: what the rest was tested for, and what came of it.
         reasons: why it is not taken for noise, in words; empty where it is.
+        rests_on: what it is taken for noise on, beside the tests, in words.
     """
 
     noise_um: float
@@ -67,6 +68,7 @@ class Judgement:
     unexplained_share: float
     dependences: tuple[Dependence, ...]
     reasons: tuple[str, ...]
+    rests_on: tuple[str, ...] = ()
 
     def status(self, probabilities: Sequence[float], is_tied: bool, has_stand_ins: bool = False) -> Status:
         """Return the word for it.

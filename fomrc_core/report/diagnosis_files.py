@@ -116,6 +116,7 @@ def diagnosis_results(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "probability_of_unknown": diagnosis.probability_of_unknown,
         "doubts": list(diagnosis.doubts),
+        "rests_on": list(diagnosis.judgement.rests_on),
         "left_out": list(diagnosis.left_out),
         "remainder": _remainder(diagnosis.judgement),
         "data_quality": [quality_results(quality) for quality in diagnosis.data_quality],

@@ -89,6 +89,8 @@ def _verdict(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"<br>It could as well be {others}."
     for doubt in diagnosis.doubts:
         yield f"<br>Doubt: {prose(doubt)}."
+    for words in diagnosis.judgement.rests_on:
+        yield f"<br>What is left is taken for noise, but: {prose(words)}."
     yield f"<br>Next: {prose(diagnosis.next_experiment)}.</div>"
 
 
