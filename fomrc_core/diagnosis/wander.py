@@ -57,7 +57,7 @@ def gain_beyond_wander(model: TrialModel, cause: str, split: DataSplit) -> float
         cause: its name.
         split: records, of which the training ones are asked.
     """
-    with_it, without = (_likeliest(one, split) for one in (model, model.without(cause)))
+    with_it, without = _both_likeliest(model, model.without(cause), split)
     if with_it.power_um2 <= 0.0:
         return math.inf
     n_independent = with_it.n_samples / max(with_it.inflation, 1.0)
@@ -153,25 +153,70 @@ class _Innovations:
     noise: Wander
 
 
-def _likeliest(model: TrialModel, split: DataSplit) -> _Innovations:
-    """Return the innovations of a model moved in all its directions, beside the noise of which it leaves least."""
-    left_um = residuals(model, split.train)
-    directions = with_effects(tangent(model, split.train), model, split.train)
-    masks = [record.is_used for record in split.train]
-    # the offset of a record is not known, and not the mean where noise wanders
-    columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, offset_columns(masks), strict=True)]
-    rest_um = list(directions.remove(split.train, left_um))
-    found: list[_Innovations] = []
-    for _ in range(_MOST_TURNS):
-        noise = wander_beside(model, rest_um, split.train)
-        if any(told.noise == noise for told in found):
-            break
-        change, rank = change_beside(left_um, columns, masks, noise)
-        rest_um = [u - rows @ change for u, rows in zip(left_um, columns, strict=True)]
-        own = unforeseen(rest_um, masks, noise)
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A model that may move in all its directions, and the offsets of the records.
+
+    Attributes:
+        model: the model.
+        left_um: what it leaves of each training record [um].
+        columns: displacement per unit of each direction, the offset of each record last.
+        masks: used samples of each record.
+        rest_um: what is left by least squares [um].
+    """
+
+    model: TrialModel
+    left_um: tuple[Array, ...]
+    columns: list[Array]
+    masks: list[Mask]
+    rest_um: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, model: TrialModel, split: DataSplit) -> _Moved:
+        left_um = residuals(model, split.train)
+        directions = with_effects(tangent(model, split.train), model, split.train)
+        masks = [record.is_used for record in split.train]
+        # the offset of a record is not known, and not the mean where noise wanders
+        columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, offset_columns(masks), strict=True)]
+        return cls(model, left_um, columns, masks, directions.remove(split.train, left_um))
+
+    def beside(self, noise: Wander) -> tuple[_Innovations, list[Array]]:
+        """Return the innovations of what is left beside a noise, and what is left [um]."""
+        change, rank = change_beside(self.left_um, self.columns, self.masks, noise)
+        rest_um = [u - rows @ change for u, rows in zip(self.left_um, self.columns, strict=True)]
+        own = unforeseen(rest_um, self.masks, noise)
         inflation = max((autocorrelation_inflation(part) for part in own), default=1.0)
-        found.append(_Innovations(mean_square(own), sum(part.size for part in own), inflation, rank, noise))
-    return min(found, key=lambda told: told.power_um2)
+        return _Innovations(mean_square(own), sum(part.size for part in own), inflation, rank, noise), rest_um
+
+
+def _both_likeliest(model: TrialModel, fewer: TrialModel, split: DataSplit) -> tuple[_Innovations, _Innovations]:
+    """Return the innovations of a model and of one with fewer directions, each beside the noise it leaves least of.
+
+    Noise and what is left are told from each other in turn, and each is asked beside the other's noise as well: who has
+    more directions leaves no more.
+    """
+    told: list[list[_Innovations]] = []
+    moved = [_Moved.of(each, split) for each in (model, fewer)]
+    for each in moved:
+        found: list[_Innovations] = []
+        rest_um: Sequence[Array] = each.rest_um
+        for _ in range(_MOST_TURNS):
+            noise = wander_beside(each.model, rest_um, split.train)
+            if any(known.noise == noise for known in found):
+                break
+            innovations, rest_um = each.beside(noise)
+            found.append(innovations)
+        told.append(found)
+    best = [min(found, key=_power) for found in told]
+    with_it, without = (
+        min(own, each.beside(others.noise)[0], key=_power)
+        for each, own, others in zip(moved, best, best[::-1], strict=True)
+    )
+    return with_it, without
+
+
+def _power(innovations: _Innovations) -> float:
+    return innovations.power_um2
 
 
 def offset_columns(masks: Sequence[Mask]) -> list[Array]:
