@@ -158,14 +158,12 @@ class _Moved:
     """A model that may move in all its directions, and the offsets of the records.
 
     Attributes:
-        model: the model.
         left_um: what it leaves of each training record [um].
         columns: displacement per unit of each direction, the offset of each record last.
         masks: used samples of each record.
         rest_um: what is left by least squares [um].
     """
 
-    model: TrialModel
     left_um: tuple[Array, ...]
     columns: list[Array]
     masks: list[Mask]
@@ -178,7 +176,7 @@ class _Moved:
         masks = [record.is_used for record in split.train]
         # the offset of a record is not known, and not the mean where noise wanders
         columns = [np.column_stack((c, own)) for c, own in zip(directions.columns, offset_columns(masks), strict=True)]
-        return cls(model, left_um, columns, masks, directions.remove(split.train, left_um))
+        return cls(left_um, columns, masks, directions.remove(split.train, left_um))
 
     def beside(self, noise: Wander) -> tuple[_Innovations, list[Array]]:
         """Return the innovations of what is left beside a noise, and what is left [um]."""
@@ -193,7 +191,7 @@ def _both_likeliest(model: TrialModel, fewer: TrialModel, split: DataSplit) -> t
     """Return the innovations of a model and of one with fewer directions, each beside the noise it leaves least of.
 
     Noise and what is left are told from each other in turn, and each is asked beside the other's noise as well: who has
-    more directions leaves no more.
+    more directions leaves no more. No noise is told that what has more directions could not leave.
     """
     told: list[list[_Innovations]] = []
     moved = [_Moved.of(each, split) for each in (model, fewer)]
@@ -201,7 +199,7 @@ def _both_likeliest(model: TrialModel, fewer: TrialModel, split: DataSplit) -> t
         found: list[_Innovations] = []
         rest_um: Sequence[Array] = each.rest_um
         for _ in range(_MOST_TURNS):
-            noise = wander_beside(each.model, rest_um, split.train)
+            noise = wander_beside(model, rest_um, split.train)
             if any(known.noise == noise for known in found):
                 break
             innovations, rest_um = each.beside(noise)

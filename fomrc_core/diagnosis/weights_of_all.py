@@ -18,7 +18,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.element_weights import with_element_weights
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judged_rest import JudgedRest
-from fomrc_core.diagnosis.judgement import LARGEST_EXCESS, Judgement
+from fomrc_core.diagnosis.judgement import LARGEST_EXCESS, LARGEST_SLOW, Judgement
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
@@ -46,8 +46,8 @@ def unless_of_weights(
     """
     given = rest.judgement
     apart = {part.index: part for part in (*split.held, *split.report) if part.index >= len(split.train)}
-    if given.is_noise or not apart or rest.worst_um <= LARGEST_EXCESS * rest.learned_um:
-        return given
+    if given.is_noise or not apart or rest.learned_um > LARGEST_SLOW * rest.floor_um:
+        return given  # what weights leave of the data they were learned from they leave of all
     every = with_weights_of_all(model, split, tuple(apart[i] for i in sorted(apart)))
     if _surely_costs_training(every, model, split):
         return given
