@@ -50,13 +50,13 @@ def test_a_drift_hides_nothing_of_what_acts_beside_it_in_held_out_data(split: Da
     drift = ThermalDrift(warm_up_um=0.6, warm_up_s=12.0)
     alone = refit(PLAIN.with_cause(drift, 0), split.train).model
     both = alone.with_cause(DacQuantization(STEP_V))
-    score = pair_search._score_of_pair(PLAIN, both, split)
+    score = pair_search.score_of_pair(PLAIN, both, split)
     print(score)
     # the held-out record drifts the other way: the pair is judged by its own drift there
     assert score.rms_after_um == pytest.approx(NOISE_UM, rel=0.1)
     assert score.rms_before_um > 5.0 * NOISE_UM
     # beside the drift the converter is all that is left, and has a say of its own
-    beside = pair_search._score_of_pair(PLAIN, alone, split)
+    beside = pair_search.score_of_pair(PLAIN, alone, split)
     steps_um = UM_PER_V * STEP_V / np.sqrt(12.0)
     assert beside.rms_after_um == pytest.approx(np.hypot(NOISE_UM, steps_um), rel=0.1)
 
