@@ -31,6 +31,7 @@ _MISMATCH_MAX = 1e-3
 # Scatter of the changes around one, in median deviations of 32: a Gaussian noise holds no part of its power beyond.
 _FAR_OUT = 6.0
 _MOST_OF_POWER = 0.5
+_FEW = 0.05  # of the samples: what comes once
 
 
 @dataclass(frozen=True)
@@ -187,6 +188,8 @@ def _jumps(left: Array, step_um: float) -> bool:
     around = median_filter(change, size=_REST_BLOCK, mode="reflect") / 0.6745
     least = 2.0 * step_um if np.isfinite(step_um) else 0.0
     stands_out = change > np.maximum(_FAR_OUT * around, least)
+    if np.count_nonzero(stands_out) > _FEW * change.size:
+        return False  # steps of a sensor, what else is read taken out
     return float(np.sum(change[stands_out] ** 2)) > _MOST_OF_POWER * float(np.sum(change**2))
 
 

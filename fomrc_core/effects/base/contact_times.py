@@ -21,6 +21,7 @@ _LEFT = 0.1  # of what the drive has done meanwhile: the least that is left of i
 _GOES_ON = 0.3  # of the drive's way: less is a stage that stands and creeps
 _IS_BACK = 0.5  # of what the drive did meanwhile comes back soon, and no more than twice of it
 _MOVES = 6.0  # noise: what the drive would have moved the stage by
+_MISSED = 0.25  # of what the drive did meanwhile: the least that is left over; where it turns a model moves by less
 _UNSEEN = 40.0  # noise: the same over the last samples of a stand that ends without a jump, as at no turn of the drive
 
 
@@ -65,8 +66,12 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
         due_um = moved_um[after] - held_um
         back_um = measured_um[after] - measured_um[end - 1]
         back = np.divide(back_um, due_um, out=np.zeros(due_um.size), where=due_um != 0.0)
-        left_out_um = float(np.max(np.abs(unseen_um))) if end in went_on else abs(unseen_um[-1])
+        most_um = float(np.max(np.abs(unseen_um)))
+        left_out_um = most_um if end in went_on else abs(unseen_um[-1])
+        left_um = record.residual_um[begin - 1 : end]
+        # what moves as the model says it does is where the drive turns, and no level
         is_missed = left_out_um > _MOVES * noise_um and n_unseen >= _LEAST_SAMPLES
+        is_missed = is_missed and float(np.max(np.abs(left_um - left_um[0]))) > _MISSED * most_um
         is_left = abs(measured_um[end] - measured_um[end - 1]) > _LEFT * abs(moved_um[end] - held_um)
         if not is_missed or not is_left or not np.any((back > _IS_BACK) & (back < 1.0 / _IS_BACK)):
             continue

@@ -101,7 +101,10 @@ def test_noise_of_any_kind_is_known_from_repeats(kind: str, seed: int) -> None:
         "in steps": 3e-3 * np.round((x + 5e-4 * white) / 3e-3),
         "behind a filter": x + 1e-3 * np.convolve(white, np.ones(12) / 12.0, "same"),
     }[kind]
-    assert np.isfinite(noise_floor([Recording(np.arange(drive.size) / RATE_HZ, drive, read)]).repeats_um)
+    time_s = np.arange(drive.size) / RATE_HZ
+    assert np.isfinite(noise_floor([Recording(time_s, drive, read)]).repeats_um)
+    # what a model leaves of readings in steps is on no steps
+    assert np.isfinite(noise_floor([Recording(time_s, drive, read - x)]).repeats_um)
 
 
 def test_repeats_are_found_where_they_are() -> None:
