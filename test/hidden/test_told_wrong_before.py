@@ -46,8 +46,6 @@ def _parameter_error_of(cause: str, seed: int, group: str) -> float | None:
         ("intermittent_contact", 142069, "new"),
         # an opening of the third record was moved into the next valley of its drive
         ("intermittent_contact", 272013, "new"),
-        # training drives left weights of plays open: held out five times what they leave was no noise
-        ("rate_dependent_hysteresis", 272028, "new"),
     ],
 )
 def test_it_is_named_explained_and_measured(cause: str, seed: int, group: str) -> None:
@@ -74,8 +72,6 @@ def test_an_opening_is_named_beside_turns_where_something_jumps() -> None:
 @pytest.mark.parametrize(
     ("causes", "seed", "group"),
     [
-        # what was left out of two openings of the third record was no noise: one ended where nothing jumps
-        (("charge_leak", "intermittent_contact"), 284014, "pairs"),
         # much was left beside an amplifier, which nobody asked again since it had been sure: a sensor leaves the noise
         (("initial_state", "sensor_bandwidth", "slow_relaxation"), 225008, "triples"),
         # a sensor of two stages stood in for both; held out the amplifier did better, in training only with the hold

@@ -62,7 +62,7 @@ def judged(records: tuple[Recording, ...]) -> tuple[Judgement, Judgement]:
     return rest.judgement, unless_of_weights(rest, base, base, split, noise)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_weights_learned_from_all_records_explain_is_no_cause(seed: int) -> None:
     given, other = judged(recordings(seed, added=False))
     assert not given.is_noise, "the plays were learned from six sweeps in large steps"
@@ -71,7 +71,7 @@ def test_what_weights_learned_from_all_records_explain_is_no_cause(seed: int) ->
     assert "weights learned from all records" in told
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_acts_in_one_record_is_not_put_down_to_weights(seed: int) -> None:
     given, other = judged(recordings(seed, added=True))
     assert not given.is_noise
