@@ -112,6 +112,17 @@ def test_a_folder_in_use_and_a_key_inside_are_refused(made: Path, tmp_path: Path
     assert main(["make", str(tmp_path / "other"), "--n", "0", "--seed", "1"]) == 2
 
 
+def test_where_nothing_can_be_written_is_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main(["make", str(tmp_path / "file" / "new"), "--n", "1", "--seed", "1"]) == 2
+    nowhere = str(tmp_path / "none" / "key.json")
+    assert main(["make", str(tmp_path / "new"), "--n", "1", "--seed", "1", "--key", nowhere]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2
+    assert all("allowed" in line for line in told)
+    assert not (tmp_path / "new").exists()
+
+
 def test_score_counts_by_hand() -> None:
     truths = {
         "a": Truth(("mains_hum",), {}),
