@@ -53,18 +53,18 @@ def write_challenge(
         progress: called with the number of cases done.
 
     Raises:
-        ChallengeError: a folder that is in use or cannot be made, or a key inside it or in no folder.
+        ChallengeError: a folder that is in use, a key inside it, or no place to write either to.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ChallengeError(f"{folder}: is not an empty folder; allowed: a new one")
     if folder.resolve() in key.resolve().parents:
         raise ChallengeError(f"{key}: is inside {folder}; allowed: a file apart from the records")
-    if not key.absolute().parent.is_dir() and key.absolute().parent != folder.absolute().parent:
-        raise ChallengeError(f"{key}: no such folder; allowed: a file in one that exists")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        key.touch()
+        folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise ChallengeError(f"{folder}: cannot be made ({error.strerror}); allowed: a folder to write to") from None
+        raise ChallengeError(f"{error.filename}: {error.strerror}; allowed: a place to write to") from None
     truths: dict[str, Any] = {}
     for k, composed in enumerate(cases, start=1):
         place = folder / composed.name

@@ -134,6 +134,15 @@ def _apart(recording: Recording, index: int, train: tuple[FitRecord, ...]) -> He
     return HeldOut(record, index, untaught_plays(train, record))
 
 
+def begun_either_way(model: TrialModel, part: HeldOut) -> list[TrialModel]:
+    """Return the model begun relaxed and at rest in a held-out stretch, or as it is where that is known."""
+    start = model.start_of(part.index)
+    is_known = begins_at_zero(part.record.voltage_v) or part.index >= len(model.record_effects)
+    if is_known or not (start is None or start.is_plain_rest):
+        return [model]
+    return [model.with_start(part.index, each) for each in (None, part.record.at_rest())]
+
+
 def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     """Return what a model may be judged by on the scored samples of each held-out stretch [um].
 
@@ -144,13 +153,8 @@ def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     """
     found = []
     for part in held:
-        options = [model]
-        if not begins_at_zero(part.record.voltage_v) and part.index < len(model.record_effects):
-            start = model.start_of(part.index)
-            if start is None or start.is_plain_rest:
-                options = [model.with_start(part.index, start) for start in (None, part.record.at_rest())]
         residuals = []
-        for option in options:
+        for option in begun_either_way(model, part):
             raw = part.record.measured_um - predict(option, part.record, part.index)
             left_um = part.judged(option, centred(raw, part.record.is_used))
             residuals.append(left_um[part.record.is_used])

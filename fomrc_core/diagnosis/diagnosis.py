@@ -26,7 +26,7 @@ from fomrc_core.diagnosis.extended_model import as_written, never_worse
 from fomrc_core.diagnosis.findings import Finding, as_in_model, findings_of, smallest_detectable
 from fomrc_core.diagnosis.finer_grid import on_same_grid
 from fomrc_core.diagnosis.followed_rest import may_be_followed, unless_followed
-from fomrc_core.diagnosis.judged_rest import JudgedRest
+from fomrc_core.diagnosis.judged_rest import JudgedRest, rms_learned
 from fomrc_core.diagnosis.judgement import LEAST_BELIEVED, Judgement, Status
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.long_search import LongSearch
@@ -43,7 +43,6 @@ from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_ext
 from fomrc_core.diagnosis.untaught import BeyondLearned
 from fomrc_core.diagnosis.weights_of_all import unless_of_weights
 from fomrc_core.diagnosis.work_budget import cut_short, unless_uncompared
-from fomrc_core.fitting.linear_part import residuals
 from fomrc_core.fitting.long_records import Thinning
 from fomrc_core.fitting.memory_plan import MAX_MEMORY_GB
 from fomrc_core.fitting.trial_model import TrialModel
@@ -314,7 +313,6 @@ def _result(
         base = extension.trial  # what is told of it is told of what is written: weights as elements can have them
     tell(0.97, "what remains")
     quoted_um = [h.record.measured_um[h.record.is_used] for h in split.report]
-    train = rms(np.concatenate([v[r.is_used] for v, r in zip(residuals(base, split.train), split.train, strict=True)]))
     inflation = residual_inflation(found.final.residual, split.train)
     learning = max(expected_excess(extension.trial, split.train, part, inflation) for part in split.report)
     rest = JudgedRest.of(extension.trial, base, split, noise, learning)
@@ -356,7 +354,7 @@ def _result(
         probability_of_unknown=probability_of_unknown(judgement, tuple(f for f in everything if f not in terms)),
         noise=noise,
         noise_floor_um=floor,
-        baseline_train_percent=normalised_percent(train, [r.measured_um for r in split.train]),
+        baseline_train_percent=normalised_percent(rms_learned(base, split), [r.measured_um for r in split.train]),
         baseline_test_percent=normalised_percent(told[0], quoted_um),
         final_test_percent=normalised_percent(told[1], quoted_um),
         findings=findings,

@@ -35,11 +35,9 @@ def on_finer_grid(state: SearchState, split: DataSplit, executor: Executor | Non
         executor: simulates side by side where given.
     """
     while state.final.squared_error > AS_NOISE * split.noise_um2:
-        grid_v = state.model.grid_v
-        if grid_v is None or 2 * grid_v.size > _MOST_THRESHOLDS:
+        finer = on_halved_grid(state.final.model, _MOST_THRESHOLDS)
+        if finer is None:
             break
-        between_v = 0.5 * (grid_v[1:] + grid_v[:-1])
-        finer = replace(state.final.model, grid_v=np.sort(np.concatenate((grid_v, between_v))))
         final = fit_until_still(finer, split.train, executor)
         if sure_gain(state.final, final, split) <= SURE:
             break
@@ -49,6 +47,17 @@ def on_finer_grid(state: SearchState, split: DataSplit, executor: Executor | Non
             break
         state = replace(state, model=model, final=final)
     return state
+
+
+def on_halved_grid(model: TrialModel, n_most: int) -> TrialModel | None:
+    """Return a model with a grid that has the thresholds of its own and those halfway between them.
+
+    None where it has none, or one that would have more than so many.
+    """
+    grid_v = model.grid_v
+    if grid_v is None or 2 * grid_v.size > n_most:
+        return None
+    return replace(model, grid_v=np.sort(np.concatenate((grid_v, 0.5 * (grid_v[1:] + grid_v[:-1])))))
 
 
 def on_same_grid(model: TrialModel, other: TrialModel, split: DataSplit) -> TrialModel:

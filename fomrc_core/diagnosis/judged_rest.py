@@ -60,7 +60,7 @@ class JudgedRest:
         sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor_um, noise.slowest_seen_s)
         if not sees_slow:
             tests = (*tests, unevenness(driven), slow_unevenness(driven))
-        learned_um = max(_rms_learned(model, split), rounding_um)
+        learned_um = max(rms_learned(model, split), rounding_um)
         is_flexible = model.n_owned > base.n_owned
         judgement = judge(
             floor_um, sees_slow, before_um, after_um, worst_um, tests, learning_excess, learned_um, is_flexible
@@ -73,6 +73,7 @@ class JudgedRest:
         return max(rms(v.residual_after_um[v.is_scored]) for v in self.records if v.role != "train")
 
 
-def _rms_learned(model: TrialModel, split: DataSplit) -> float:
+def rms_learned(model: TrialModel, split: DataSplit) -> float:
+    """Return the rms of a model on the samples it learned from [um]."""
     left_um: list[Array] = [v[r.is_used] for v, r in zip(residuals(model, split.train), split.train, strict=True)]
     return rms(np.concatenate(left_um))

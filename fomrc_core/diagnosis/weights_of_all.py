@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, begun_either_way
 from fomrc_core.diagnosis.element_weights import with_element_weights
+from fomrc_core.diagnosis.finer_grid import on_halved_grid
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judged_rest import JudgedRest
 from fomrc_core.diagnosis.judgement import LARGEST_EXCESS, LARGEST_SLOW, Judgement
@@ -25,7 +26,6 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.linear_part import residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
-from fomrc_core.records.drive import begins_at_zero
 from fomrc_core.records.noise import NoiseFloor
 
 _MOST_THRESHOLDS = 450  # of a grid: the normal equations of all records are solved for all of them at once
@@ -73,12 +73,11 @@ def with_weights_of_all(model: TrialModel, split: DataSplit, apart: tuple[HeldOu
         apart: those that were not learned from, by their numbers, which follow those of the training records.
     """
     for part in apart:
-        model = _begun_better(model, part)
+        model = min(begun_either_way(model, part), key=lambda each: _squares(each.alone(part.index), (part.record,)))
     records = (*split.train, *(part.record for part in apart))
     best = _learned(model, records)
-    while best.grid_v is not None and 2 * best.grid_v.size <= _MOST_THRESHOLDS:
-        between_v = 0.5 * (best.grid_v[1:] + best.grid_v[:-1])
-        finer = _learned(replace(best, grid_v=np.sort(np.concatenate((best.grid_v, between_v)))), records)
+    while (halved := on_halved_grid(best, _MOST_THRESHOLDS)) is not None:
+        finer = _learned(halved, records)
         if _gain(best, finer, records) <= SURE:
             break
         best = finer
@@ -88,15 +87,6 @@ def with_weights_of_all(model: TrialModel, split: DataSplit, apart: tuple[HeldOu
 def _learned(model: TrialModel, records: tuple[FitRecord, ...]) -> TrialModel:
     fitted = refit(rebased(model, records), records, free=(), n_iterations=_N_ITERATIONS)
     return with_element_weights(fitted.model, records)
-
-
-def _begun_better(model: TrialModel, part: HeldOut) -> TrialModel:
-    """Return the model with a record begun relaxed or at rest, whichever leaves less, where it is not known."""
-    start = model.start_of(part.index)
-    if begins_at_zero(part.record.voltage_v) or not (start is None or start.is_plain_rest):
-        return model
-    options = [model.with_start(part.index, each) for each in (None, part.record.at_rest())]
-    return min(options, key=lambda option: _squares(option.alone(part.index), (part.record,)))
 
 
 def _surely_costs_training(every: TrialModel, model: TrialModel, split: DataSplit) -> bool:
