@@ -16,8 +16,9 @@ import pytest
 from fomrc_core.plants import paper_stage
 from fomrc_ros.demo import demo
 from fomrc_ros.demo.experiment import LINEARITY_MERIT, TRACKING_MERIT, Experiment
+from fomrc_ros.demo.figures import curves
 from fomrc_ros.demo.processor_waits import ProcessorWaits
-from fomrc_ros.demo.response import Verdict, percent_or_not, response_of
+from fomrc_ros.demo.response import Response, Verdict, percent_or_not, response_of
 from fomrc_ros.demo.signals import signals_noted
 from fomrc_ros.demo.targets import RATE_HZ, tracking_target, triangle_target
 
@@ -108,6 +109,15 @@ def test_few_displacements_are_judged_and_none_are_not() -> None:
     shared = Experiment(_TARGET, LINEARITY_MERIT, (nothing, nothing))
     assert shared.verdict is Verdict.NOT_JUDGED
     assert "judged on the other 0 %" in shared.machine_text()
+
+
+def test_no_line_is_drawn_where_nothing_was_measured() -> None:
+    time_s = np.concatenate((np.arange(0.0, 1.0, 0.002), np.arange(2.4, 3.0, 0.002)))
+    values = np.sin(time_s)
+    response = Response(time_s, values, values, np.ones(time_s.size, dtype=np.bool_), 3.0, 1.4, 1.4)
+    for drawn in curves(response):
+        assert np.flatnonzero(np.isnan(drawn)).tolist() == [500]
+    assert curves(response)[0].size == time_s.size + 1
 
 
 def test_an_experiment_is_measured_by_its_own_merit() -> None:
