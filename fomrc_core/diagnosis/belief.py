@@ -34,7 +34,7 @@ _PER_LOG_MARGIN_OF_NOISE = 0.381
 _UNKNOWN_WHERE_NOISE = 0.2
 _UNKNOWN_WHERE_NOT = 0.93
 # What bends to most of what others do mends a little of whatever the others get wrong, by any margin: what it takes of
-# the power left counts, up to two thirds of it. Of 49 likely names of such causes beside which noise was left 37 of 41
+# the power left where it acts counts, up to two thirds of it. Of 49 likely names of such causes beside which noise was left 37 of 41
 # were right that took half and more, and 3 of 8 that took less. Others say no less where they mend little.
 _ENOUGH_GAIN = 1.0
 _PER_GAIN_OF_BENDING = 3.109
@@ -97,6 +97,9 @@ def _sureness(judgement: Judgement) -> float:
 def _gain(finding: Finding) -> float:
     before, after = finding.nrmse_percent_test_before, finding.nrmse_percent_test_after
     gain = 2.0 * math.log(before / after) if before > 0.0 and after > 0.0 else _ENOUGH_GAIN
+    if finding.own_log_gain is not None:
+        # what befell one record mends little of another, and nothing of one in which it is not
+        gain = max(gain, finding.own_log_gain)
     return min(max(gain, 0.0), _ENOUGH_GAIN)
 
 

@@ -55,6 +55,16 @@ def _told_after(after: float, cause: str) -> float:
     return with_probabilities((finding,), _NOISE)[0].probability
 
 
+def test_what_befell_a_record_is_asked_what_it_mends_of_that_record() -> None:
+    of_all = Finding("initial_state", {}, {}, 1.0, 0.98, 0.5, 1e-6, "", "", 100.0, 100.0)
+    of_one = [replace(of_all, own_log_gain=gain) for gain in (0.0, 0.3, 1.0, 5.0)]
+    told = [with_probabilities((finding,), _NOISE)[0].probability for finding in (of_all, *of_one)]
+    assert told[0] == told[1] < told[2] < told[3] == told[4]
+    # and one that acts in the quoted record as well is no less sure
+    gained = replace(of_all, nrmse_percent_test_after=0.3)
+    assert with_probabilities((replace(gained, own_log_gain=0.1),), _NOISE)[0].probability == told[4]
+
+
 def test_what_mends_little_may_mend_what_the_model_of_the_others_gets_wrong() -> None:
     told = [_told_after(after, "thermal_drift") for after in (1.0, 0.95, 0.8, 0.5, 1e-3)]
     assert told[0] < told[1] < told[2] < told[3] == told[4]
