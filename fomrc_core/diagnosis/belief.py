@@ -34,8 +34,9 @@ _PER_LOG_MARGIN_OF_NOISE = 0.381
 _UNKNOWN_WHERE_NOISE = 0.2
 _UNKNOWN_WHERE_NOT = 0.93
 # What bends to most of what others do mends a little of whatever the others get wrong, by any margin: what it takes of
-# the power left where it acts counts, up to two thirds of it. Of 49 likely names of such causes beside which noise was left 37 of 41
-# were right that took half and more, and 3 of 8 that took less. Others say no less where they mend little.
+# the power left where it acts counts, up to two thirds of it. Of 49 likely names of such causes beside which noise was
+# left 37 of 41 were right that took half and more, and 3 of 8 that took less. Others say no less where they mend
+# little.
 _ENOUGH_GAIN = 1.0
 _PER_GAIN_OF_BENDING = 3.109
 # What is left may be far below anything that matters and follow the drive all the same, surely: then the form is not

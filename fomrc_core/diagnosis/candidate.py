@@ -64,6 +64,7 @@ class Candidate:
         before: what the model without it leaves of the training records [um].
         held_before: the same of the held-out data.
         is_unconfirmed: whether it would be plausible if any record confirmed it, as a drift that noise might be.
+        unseats: causes found before that beside it are what no record can show; they, and not it, are implausible.
     """
 
     cause: str
@@ -78,6 +79,7 @@ class Candidate:
     before: tuple[Array, ...] = ()
     held_before: tuple[Array, ...] = ()
     is_unconfirmed: bool = False
+    unseats: frozenset[str] = frozenset()
 
     @property
     def brings_plays(self) -> bool:
@@ -293,10 +295,8 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
     held_residuals(fitted.model, split.report)
     before, after = _held_pair(model, fitted, split, cause, bound)
     n_free = len(free_parameters(fitted.model)) - len(free_parameters(model))
-    longest = max(float(record.time_s[-1]) for record in split.train)
-    step = min(float(np.median(record.steps_s)) for record in split.train)
-    acting = (c for at, c in fitted.model.found() if at is None or at < len(split.train))
-    is_plausible = all(c.is_plausible(longest, step) for c in acting)
+    implausible = implausible_in(fitted.model, split)
+    is_plausible = not implausible
     is_unconfirmed = is_plausible and bound and not is_confirmed(fitted, split, cause)
     train_gain = math.log(present.squared_error / fitted.squared_error)
     is_distinguishable = not cause_classes()[cause].needs_many_loops or split.is_telling
@@ -314,7 +314,16 @@ def candidate_of(present: PresentModel, split: DataSplit, cause: str, fitted: Re
         present.residuals_um,
         tuple(before),
         is_unconfirmed,
+        frozenset() if cause in implausible else implausible,
     )
+
+
+def implausible_in(model: TrialModel, split: DataSplit) -> frozenset[str]:
+    """Return the causes of a model that no training record could show with the parameters found."""
+    longest = max(float(record.time_s[-1]) for record in split.train)
+    step = min(float(np.median(record.steps_s)) for record in split.train)
+    acting = (c for at, c in model.found() if at is None or at < len(split.train))
+    return frozenset(c.name for c in acting if not c.is_plausible(longest, step))
 
 
 def is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:

@@ -11,6 +11,7 @@ from fomrc_core.diagnosis.candidate import (
     candidate_of,
     candidates_for,
     held_view,
+    implausible_in,
     is_confirmed,
 )
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
@@ -137,6 +138,8 @@ def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[Searc
         return None  # it is at rest only once its times are moved: what it leaves before is nobody's
     beside = None if accepted is None else accepted.cause
     pairs = fitted_pairs(present, split, asked.screened, asked.executor, beside, asked.state.tried)
+    # a lag that no sample shows as what it is called leaves least beside anything, and is no finding
+    pairs = [found for found in pairs if not implausible_in(found.fitted.model, split)]
     if not pairs:
         return None
     own = next((found for found in pairs if beside in found.pair.names), pairs[0])

@@ -34,6 +34,7 @@ from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_
 from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival, without_wander
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.unseated import with_unseating
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
@@ -97,12 +98,10 @@ def search(
         if has_room:
             tell(share + 0.05, "refit of the likely causes")
             candidates, chosen = _asked(state, present, split, screened, causes, executor, budget)
-            if chosen is not None and chosen[1].brings_plays and number < _MAX_ROUNDS - 1:
-                # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
-                finer = on_finer_grid(state, split, executor)
-                if finer is not state:
-                    state = finer
-                    continue
+            anew = _to_ask_anew(state, candidates, chosen, split, len(causes), executor)
+            if anew is not None and number < _MAX_ROUNDS - 1:
+                state = anew
+                continue
         among = Round(state, candidates, split, wanted, len(causes), executor, budget, present, all_screened)
         if chosen is not None:
             chosen = or_pair(chosen, among)
@@ -201,6 +200,24 @@ def _asked(
         if not budget.allows(CAUSES):
             break
     return candidates, None
+
+
+def _to_ask_anew(
+    state: SearchState,
+    candidates: list[Candidate],
+    chosen: tuple[SearchState, Candidate] | None,
+    split: DataSplit,
+    n_causes: int,
+    executor: Executor | None,
+) -> SearchState | None:
+    """Return another state to ask all in before anything is accepted, None where this one will do."""
+    accepted = None if chosen is None else chosen[1]
+    if accepted is not None and accepted.brings_plays:
+        # its plays mend what a coarse grid gets wrong of any loop: those of the base are asked first
+        finer = on_finer_grid(state, split, executor)
+        if finer is not state:
+            return finer
+    return with_unseating(state, candidates, accepted, split, n_causes, executor)
 
 
 def _in_place_of_creep(screened: tuple[Screened, ...]) -> list[list[Screened]]:

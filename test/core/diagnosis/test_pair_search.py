@@ -15,10 +15,17 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.diagnosis import Diagnosis, diagnose
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
+from fomrc_core.diagnosis.joint_screening import LikelyPair
+from fomrc_core.diagnosis.pair_fits import FittedPair
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.search_state import SearchState
+from fomrc_core.effects import Effect
 from fomrc_core.effects.dac_quantization import DacQuantization
+from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
-from fomrc_core.fitting.joint_fit import refit
+from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording
@@ -140,3 +147,23 @@ def test_a_drift_that_only_wander_speaks_against_is_asked_with_a_second_before_a
     )
     assert pair_search.or_pair((among.state, leak), among) == (among.state, leak)
     assert asked == ["thermal_drift"]
+
+
+def test_a_pair_with_a_cause_that_no_record_shows_is_passed_over(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pair(effect: Effect, left: float) -> FittedPair:
+        model = PLAIN.with_cause(effect).with_cause(DacQuantization(STEP_V))
+        trials = tuple((Screened(cause, None, 1.0, 1.0, 1.0),) for cause in model.effects)
+        return FittedPair(LikelyPair(trials[0], trials[1], left), replace(fitted, model=model, squared_error=left))
+
+    fitted = refit(PLAIN, split.train)
+    # faster than half the sampling, so that a lag is all that is left of it
+    ringing, late = pair(MechanicalResonance(0.8 * RATE_HZ, 0.7), 1.0), pair(TransportDelay(0.004), 1.1)
+    asked: list[Refit] = []
+    monkeypatch.setattr(pair_search, "fitted_pairs", lambda *_: [ringing, late])
+    monkeypatch.setattr(pair_search, "_in_order", lambda _, fitted, *__: asked.append(fitted))
+    state = SearchState(PLAIN, (), fitted, frozenset())
+    among = pair_search.Round(state, [], split, (), 31, None, present=PresentModel.of(PLAIN, split))
+    assert pair_search._told_by_signatures(among, None) is None
+    assert asked == [late.fitted, late.fitted], "in either order"
