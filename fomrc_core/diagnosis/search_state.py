@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
+from fomrc_core.diagnosis.decision import NEARLY
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
@@ -103,7 +104,8 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
     """Return what is left of a state when what only follows noise that wanders is taken out.
 
     While other causes are hidden a drift is accepted for what it follows of them. Beside all that was found since it is
-    asked again, as it was then, whether noise that wanders would do the same.
+    asked again, as it was then, whether noise that wanders would do the same. Noise of one record foresees nothing of
+    another: what belongs to the actuator and takes half of what is left there is no noise.
     """
     for step in state.steps:
         name = step.accepted.cause
@@ -111,7 +113,10 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
             continue
         if gain_beyond_wander(state.final.model, name, split) < _BY_CHANCE:
             lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
-            state = _without_step(state, step, lesser.model, split, executor)
+            fewer = _without_step(state, step, lesser.model, split, executor)
+            score = held_out_score(held_residuals(fewer.model, split.held), held_residuals(state.model, split.held))
+            if step.accepted.is_bound or not split.is_apart or score.log_gain < NEARLY:
+                state = fewer
     return state
 
 

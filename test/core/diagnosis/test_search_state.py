@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from fomrc_core.diagnosis import search_state
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
@@ -86,3 +88,19 @@ def test_a_drift_that_follows_noise_that_wanders_goes_in_the_end() -> None:
 def test_a_drift_that_is_one_stays() -> None:
     for seed in range(8):
         assert _left_in_the_end(drift_um=1.0, seed=seed) == ["thermal_drift", "transport_delay"]
+
+
+def test_what_takes_half_of_what_is_left_of_another_record_is_no_noise_that_wanders(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    split = _split()
+    base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+    delayed = fit_until_still(base.with_cause(TransportDelay(_DELAY / _RATE_HZ)), split.train, None)
+    both = fit_until_still(delayed.model.with_cause(SlowRelaxation(1e-3, 0.05)), split.train, None)
+    first = candidate_of(PresentModel.of(base, split), split, "transport_delay", delayed, bound=False)
+    second = candidate_of(PresentModel.of(delayed.model, split), split, "slow_relaxation", both, bound=False)
+    steps = (Step(base, first, (), ()), Step(delayed.model, second, (), ()))
+    # as where the form of what acts is not quite right, and a walk follows it from sample to sample better
+    monkeypatch.setattr(search_state, "gain_beyond_wander", lambda *_: -500.0)
+    after = without_wander(SearchState(both.model, steps, both, frozenset()), split, None)
+    assert [step.accepted.cause for step in after.steps] == ["transport_delay"]
