@@ -38,6 +38,7 @@ class RateDependentHysteresis(Effect):
     )
     main_parameter: ClassVar[str] = "per_v_per_s"
     linear_parameters: ClassVar[tuple[str, ...]] = ("per_v_per_s",)
+    widens_with_rate: ClassVar[bool] = True
     meaning: ClassVar[str] = "Domain walls need more field to move faster, so that loops are wider at speed."
     signature: ClassVar[str] = "residual follows the branch of the loop by a share that grows with the drive's rate"
     experiment: ClassVar[str] = (

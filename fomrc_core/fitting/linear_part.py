@@ -17,6 +17,7 @@ from fomrc_core.fitting.trial_model import (
     OPERATIONS_OF_EFFECT,
     TrialModel,
     fit_modes,
+    needs_rate_within_steps,
     predict,
     relaxed_trial,
 )
@@ -102,6 +103,8 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     effects = trial.effects_in(index)
     is_divided = record.substeps is not Substeps.NONE and any(effect.needs_substeps for effect in effects)
     substeps = Substeps.FEW if is_divided else Substeps.NONE
+    if record.substeps is Substeps.BENDS and needs_rate_within_steps(effects):
+        substeps = Substeps.FIT
     before, drive = _element_drives(trial, record, index, substeps)
     steps_s = np.concatenate((before.steps_s, drive.steps_s))
     voltage_v = np.concatenate((before.voltage_v, drive.voltage_v))

@@ -232,8 +232,8 @@ def predict_passing(
         before: the run of another model over the same record to go on from; None where there is none.
     """
     beat("simulations")
-    is_coarser = is_coarse and record.substeps is Substeps.BENDS
     effects = trial.effects_in(index)
+    is_coarser = is_coarse and record.substeps is Substeps.BENDS and not needs_rate_within_steps(effects)
     state, at_creep = relaxed_trial(trial, effects)
     start = trial.start_of(index)
     if start is not None:
@@ -254,6 +254,17 @@ def predict_passing(
     n_modes = 0 if since > Stage.HYSTERESIS else int(state.packed[at_creep + N_MODES])
     record.tally.add(n_parts * (n_plays + n_modes + OPERATIONS_OF_EFFECT * len(effects)))
     return seen_um, passage
+
+
+def needs_rate_within_steps(effects: tuple[Effect, ...]) -> bool:
+    """Return whether directions of a fit must divide steps as finely as what is measured.
+
+    Where an amplifier lags its voltage moves on for many samples after a jump, ever slower, and thresholds that widen
+    with the rate are others in each part of a step: coarsely divided the displacement errs by several times the noise,
+    and a fit by such directions comes to rest where nothing is least.
+    """
+    widens = any(effect.widens_with_rate for effect in effects)
+    return widens and any(effect.stage is Stage.DRIVE and effect.needs_substeps for effect in effects)
 
 
 def _of_fit(substeps: Substeps) -> Substeps:

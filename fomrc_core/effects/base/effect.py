@@ -49,6 +49,7 @@ class Effect(Cause):
     order: ClassVar[float]  # within the stage, smaller acts earlier; ours stand at 10, 20, ...
     covariate: ClassVar[Covariate | None] = None  # what it reads beside its input
     needs_substeps: ClassVar[bool] = False  # whether it matters to it how its input runs within a step
+    widens_with_rate: ClassVar[bool] = False  # whether thresholds depend on how fast the drive moves within a step
     rings: ClassVar[bool] = False  # whether its response to a jump swings within few samples
     is_steady_tone: ClassVar[bool] = False  # a tone in time: it is told by a line of a spectrum, evenly sampled
     owns_columns: ClassVar[bool] = False  # its plays are columns of a fit's linear part, see ``plays``

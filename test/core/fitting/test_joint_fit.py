@@ -12,13 +12,15 @@ from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.dead_zone import DeadZone
 from fomrc_core.effects.drive_resonance import DriveResonance
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
+from fomrc_core.effects.rate_dependent_hysteresis import RateDependentHysteresis
 from fomrc_core.effects.transport_delay import TransportDelay
+from fomrc_core.effects.unequal_lag import UnequalLag
 from fomrc_core.fitting.base_fit import fit_base, threshold_grid
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import refit
-from fomrc_core.fitting.linear_part import residuals, squared_error
+from fomrc_core.fitting.linear_part import record_columns, residuals, squared_error
 from fomrc_core.fitting.play_columns import ColumnKinds
-from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.excitation import triangle
@@ -78,3 +80,21 @@ def test_a_fit_rests_where_its_error_is_least_though_its_directions_are_coarse(f
         bend = more + less - 2.0 * here  # of a parabola, whose lowest point is what this parameter would still gain
         gain = (less - more) ** 2 / (8.0 * bend)
         assert gain < 0.1 * here / moved_um.size, f"{free.spec.name}: noise gains one part of its variance with each"
+
+
+def test_directions_behind_a_lag_know_the_rate_by_which_thresholds_widen() -> None:
+    """After a jump the voltage moves on, ever slower, and each part of a step has thresholds of its own."""
+    rng = np.random.default_rng(5)
+    voltage_v = np.concatenate((np.zeros(20), np.repeat(rng.uniform(-1.0, 1.0, 40), 12)))
+    lag, widening = UnequalLag(2e-3, 6e-3), RateDependentHysteresis(0.02)
+    plays = ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0]))
+    recording = Recording(1e-3 * np.arange(voltage_v.size), voltage_v, voltage_v)
+    record = FitRecord.of(recording, substeps=Substeps.BENDS)
+
+    def missed(*effects: Effect) -> float:
+        model = TrialModel(plays, np.array([1.5, 0.3, 0.4, 0.3]), 0.02, effects, ((),))
+        told_um = record_columns(model, record, 0) @ model.weights
+        return float(np.std(told_um - predict(model, record, 0)) / np.ptp(told_um))
+
+    assert missed(widening, lag) < 1e-6
+    assert missed(lag) < 1e-4, "without it fewer parts will do"
