@@ -59,7 +59,7 @@ def watch(
     check_outputs(outputs, [model, *recordings])
     actuator, fit_rms_um = read_model(model), read_fit_error(model)
     settings = WatchSettings(false_alarms_per_day, learn_s=learn_s)
-    folder = make_directory(output) if output is not None else None
+    folder: Path | None = None
     watcher: ModelWatch | None = None
     changes: list[dict[str, object]] = []
 
@@ -77,6 +77,8 @@ def watch(
         record = reading.read(path, is_judged=False)
         moved_um = record.measured_um
         if watcher is None:
+            # not before there is something to watch: a refused recording leaves no folder behind
+            folder = make_directory(output) if output is not None else None
             watcher = ModelWatch(actuator, record.sample_period_s, settings, fit_rms_um)
         elif abs(record.sample_period_s - watcher.period_s) > _SAME_PERIOD * watcher.period_s:
             raise RecordingError(

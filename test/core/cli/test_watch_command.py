@@ -68,7 +68,7 @@ def test_too_little_motion_is_said(here: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["watch", "none.csv", "-m", "m.yaml"], "none.csv: no such file"),
+        (["watch", "none.csv", "-m", "m.yaml", "-o", "seen"], "none.csv: no such file"),
         (["watch", "one.csv", "-m", "none.yaml"], "none.yaml: no such file"),
         (["watch", "one.csv", "-m", "m.yaml", "--learn", "1"], "learn_s: out of range, got 1.0"),
         (["watch", "one.csv", "-m", "m.yaml", "--json", "one.csv"], "one.csv"),
@@ -81,3 +81,4 @@ def test_bad_input_is_one_line(here: Path, capsys: pytest.CaptureFixture[str], a
     assert run(arguments) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert said in told[-1]
+    assert not (here / "seen").exists(), "nothing was watched"
