@@ -99,7 +99,8 @@ def _gain(finding: Finding) -> float:
     before, after = finding.nrmse_percent_test_before, finding.nrmse_percent_test_after
     gain = 2.0 * math.log(before / after) if before > 0.0 and after > 0.0 else _ENOUGH_GAIN
     if finding.own_log_gain is not None:
-        # what befell one record mends little of another, and nothing of one in which it is not
+        # What befell one record mends little of another, and nothing of one in which it is not; and what is taken in
+        # while others are hidden mends little of what those leave.
         gain = max(gain, finding.own_log_gain)
     return min(max(gain, 0.0), _ENOUGH_GAIN)
 

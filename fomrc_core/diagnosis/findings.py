@@ -16,12 +16,13 @@ from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.effect import Effect
-from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.residual import normalised_percent, rms
 
 Values = Mapping[str, float | list[float]]
+_WITHOUT = 6  # iterations of a fit without one of the causes
 _LEAST_ERRORS = 2.0  # standard errors a parameter must be: less happens one time in twenty where there is nothing
 
 
@@ -43,8 +44,9 @@ class Finding:
         whitened_margin: the same where the noise is whitened.
         probability: that it is the cause, and not another or one that is not in the library [1].
         twice: its parameters as learned beside those that held-out data alone ask for, where both are known.
-        own_log_gain: of what belongs to single records, the logarithm of the power it takes in held-out blocks of those
-            [1]; the quoted stretches it need not reach. None of what acts in all.
+        own_log_gain: logarithm of the power it takes where it acts [1]: of what belongs to single records in held-out
+            blocks of those, for the quoted stretches it need not reach; of what bends to much else in the quoted
+            stretches, beside all the others. None of other causes.
     """
 
     cause: str
@@ -175,10 +177,25 @@ def findings_of(
                 kind.meaning,
                 step.margin,
                 step.whitened_margin,
-                own_log_gain=score.log_gain if step.accepted.is_bound else None,
+                own_log_gain=_own_log_gain(step, final_model, split),
             )
         )
     return tuple(found)
+
+
+def _own_log_gain(step: Step, final_model: TrialModel, split: DataSplit) -> float | None:
+    """Return what a cause takes of the power left where it acts, as a logarithm; None where nobody asks.
+
+    While others are hidden what it takes is little beside what they leave.
+    """
+    name = step.accepted.cause
+    if step.accepted.is_bound:
+        return step.accepted.score.log_gain
+    if not cause_classes()[name].bends_to_much or not final_model.has(name):
+        return None
+    fewer = refit(final_model.as_before(step.before, name), split.train, n_iterations=_WITHOUT).model
+    without, beside = (rms(np.concatenate(quoted_residuals(m, split.report))) for m in (fewer, final_model))
+    return 2.0 * math.log(without / beside) if without > 0.0 and beside > 0.0 else None
 
 
 def as_in_model(

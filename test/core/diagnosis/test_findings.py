@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from fomrc_core.diagnosis.findings import Finding
+from fomrc_core.diagnosis.candidate import Candidate, candidate_of
+from fomrc_core.diagnosis.data_split import split_data
+from fomrc_core.diagnosis.findings import Finding, findings_of
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.step import Step
+from fomrc_core.effects import Effect
+from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
+from fomrc_core.effects.slow_relaxation import SlowRelaxation
+from fomrc_core.fitting.joint_fit import fit_until_still
+from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.records.recording import Recording
 
 
 @pytest.mark.parametrize(
@@ -58,3 +71,32 @@ def test_a_relaxation_is_a_term_of_a_law_of_creep_and_a_name_where_there_is_none
     assert relaxation.wider_of((relaxation, other)) == ""
     assert law.wider_of((law, relaxation)) == ""
     assert "one more term of creep_law" in relaxation.sentence_of_term("creep_law")
+
+
+def _relaxed_and_bent(seed: int) -> Recording:
+    """A straight line with a slow share of itself beside it, read by a bent sensor."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(4000) * 2e-3
+    voltage_v = np.sum([np.sin(2.0 * np.pi * f * time_s + p) for f, p in rng.uniform(0.2, 6.0, (5, 2))], axis=0)
+    slow_v = lfilter([1.0 - np.exp(-2e-3 / 0.3)], [1.0, -np.exp(-2e-3 / 0.3)], voltage_v)
+    moved_um = 2.0 * (voltage_v + 0.03 * slow_v)
+    return Recording(time_s, voltage_v, moved_um + 0.05 * moved_um**2 + rng.normal(0.0, 5e-3, time_s.size))
+
+
+def test_what_bends_to_much_is_asked_what_it_takes_beside_all_the_others() -> None:
+    split = split_data((_relaxed_and_bent(1),), _relaxed_and_bent(2), _relaxed_and_bent(3), 5e-3)
+    base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), (), ()))
+
+    def found(before: TrialModel, cause: Effect) -> Candidate:
+        fitted = fit_until_still(before.with_cause(cause), split.train, None)
+        return candidate_of(PresentModel.of(before, split), split, cause.name, fitted, bound=False)
+
+    slow = found(base, SlowRelaxation(0.03, 0.3))
+    bent = found(slow.fitted.model, SensorNonlinearity(0.05, 0.0))
+    steps = (Step(base, slow, (), ()), Step(slow.fitted.model, bent, (), ()))
+    relaxation, sensor = findings_of(steps, bent.fitted.model, bent.fitted, split, 5e-3, 1)
+    before, after = relaxation.nrmse_percent_test_before, relaxation.nrmse_percent_test_after
+    assert 2.0 * math.log(before / after) < 0.2, "the sensor hid what it mends"
+    assert relaxation.own_log_gain is not None
+    assert relaxation.own_log_gain > 1.0
+    assert sensor.own_log_gain is None, "it bends to nothing else"
