@@ -8,6 +8,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
@@ -266,9 +268,12 @@ def _with_finding(
 def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSplit) -> set[str]:
     """Return the causes of single records to seek anew: one just found, and those with times a fit does not move.
 
-    One just found in a single record a fit has moved since, but for such times.
+    One just found in a single record a fit has moved since, but for such times, and where it ran away.
     """
     timed = {cause.name for at, cause in model.found() if at is not None and cause.has_own_times()}
+    for at, cause in model.found():
+        if at is not None and at < len(split.train) and cause.ran_away(float(np.ptp(split.train[at].time_s))):
+            timed.add(cause.name)
     is_seen_anew = len(split.train) > 1 or bool(cause_classes()[accepted.cause].moved_times)
     return timed | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
 

@@ -19,6 +19,7 @@ _N_RAMP = 40  # steps of a move: plays and creep see it as straight
 _N_HOLD = 40  # steps of a hold, ever longer, as creep forgets
 _SHORTEST_HOLD_STEP_S = 1e-3
 _LONG_REST_S = 1000.0  # creep of an order of some hundredths has come to rest by then
+_FAR = 100.0  # times the length of a record
 # Of the record: a rest shorter than the first sees it begin, longer than the last has faded for most of it.
 _TRIAL_RESTS = (0.002, 0.013, 0.08)
 _TRIAL_HELD = 0.03
@@ -67,6 +68,10 @@ class Prehistory(Cause):
     def free_names(self) -> tuple[str, ...]:
         """Return what a fit moves; nothing where the drive simply rested at one voltage."""
         return () if self.is_plain_rest else super().free_names()
+
+    def ran_away(self, duration_s: float) -> bool:
+        """Return whether it was held or rested a hundred times as long: what creep tells of more has no slope."""
+        return not self.is_plain_rest and max(self.held_s, self.resting_s) > _FAR * duration_s
 
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: how far an excursion went says little of what it left."""

@@ -99,6 +99,10 @@ class Cause(ABC):
         """Return whether it comes and goes at times that a search moves, and no fit."""
         return bool(cls.moved_times or cls.moved_moments)
 
+    def ran_away(self, duration_s: float) -> bool:
+        """Return whether a fit to a record of this length [s] has come to where nothing leads back from."""
+        return False
+
     def form(self) -> tuple[str, ...]:
         """Return what no fit leads from one instance to another by: the parameters it moves, and choices it makes."""
         return self.free_names()

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.candidate import candidates_for
+from fomrc_core.diagnosis.candidate import candidate_of, candidates_for
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import fit_one_record, sought_again
 from fomrc_core.diagnosis.screening import screen
+from fomrc_core.diagnosis.search import _sought_again_beside
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.mains_hum import MainsHum
@@ -144,3 +145,26 @@ def test_a_hum_known_from_one_record_is_followed_in_another_whose_drive_has_its_
     assert found.second_amplitude_um == pytest.approx(0.004, rel=0.1), "with the harmonic that it has"
     left = squared_error((record,), residuals(model.alone(1), (record,)))
     assert np.sqrt(left / record.time_s.size) < 1.02 * NOISE_UM
+
+
+def test_a_past_that_ran_away_is_sought_anew_and_comes_back():
+    """Held a million times as long as its record, and with nothing in the drive to come back by."""
+    past = Prehistory(2.2, 0.0, 0.7, 0.06)
+    drive = triangle(2.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=200.0)
+    records = [_measured(PLAIN.with_start(0, past), drive.voltage_v, 200.0, seed) for seed in (10, 11)]
+    split = split_data((records[0],), records[1], None, NOISE_UM)
+    plain = replace(PLAIN, record_effects=((), ()), starts=(None, None))
+    astray = fit_until_still(plain.with_start(0, Prehistory(2.0, 0.0, 1e7, 0.02)), split.train)
+    duration_s = float(records[0].time_s[-1])
+    started = astray.model.start_of(0)
+    assert started is not None
+    assert started.ran_away(duration_s)
+    assert not past.ran_away(duration_s)
+    assert not Prehistory.long_rest(1.0).ran_away(duration_s), "a plain rest is as long as it likes"
+    accepted = candidate_of(PresentModel.of(plain, split), split, "initial_state", astray, bound=True)
+    assert "initial_state" in _sought_again_beside(accepted, astray.model, split)
+    found = sought_again(astray, split, "initial_state", None)
+    back = found.model.start_of(0)
+    assert back is not None
+    assert back.held_s == pytest.approx(past.held_s, rel=0.5)
+    assert np.sqrt(found.squared_error / split.n_used) < 1.02 * NOISE_UM < np.sqrt(astray.squared_error / split.n_used)
