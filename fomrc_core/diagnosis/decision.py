@@ -11,9 +11,10 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score, loses_to
+from fomrc_core.diagnosis.moved_times import with_times_moved
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_beside
-from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.noise import autocorrelation_inflation
@@ -30,6 +31,7 @@ _MOST_RIVALS = 4  # each costs a fit at every later finding
 _TIE_P_VALUE = 0.05  # of the hypothesis that two are equally good: the usual level
 _MOST_ORDER = 16  # of the process that noise is: a sensor's filter and a slow wander
 _AS_NOISE = 1.44  # times the noise's power: a fifth of its rms, what noise of repeats may be off
+_MOVED = 6  # iterations of a fit whose times have been moved
 _LEAST_LEARNT = 0.003  # logarithmic gain in training: less has only shaken the base
 
 
@@ -59,7 +61,7 @@ def is_learnt(candidate: Candidate) -> bool:
 
 def is_no_wander(candidate: Candidate, split: DataSplit, cause: str = "") -> bool:
     """Return whether a candidate surely explains more than noise that wanders might, or a cause in its model does."""
-    return gain_beyond_wander(candidate.fitted.model, cause or candidate.cause, split) > SURE
+    return _gain_beyond_wander(candidate, cause or candidate.cause, split) > SURE
 
 
 def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
@@ -70,8 +72,26 @@ def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
     """
     if not is_accepted(candidate, 1):
         return False
-    gain = gain_beyond_wander(candidate.fitted.model, candidate.cause, split)
+    gain = _gain_beyond_wander(candidate, candidate.cause, split)
     return gain > (SURE if is_accepted(candidate, n_causes) else SURE + math.log(n_causes))
+
+
+def _gain_beyond_wander(candidate: Candidate, cause: str, split: DataSplit) -> float:
+    """Return what a cause of a candidate's model gains beyond noise that wanders, its times where they are best.
+
+    A load that comes some samples late leaves its whole jump twice, from sample to sample as much as none at all.
+    """
+    model = candidate.fitted.model
+    gain = gain_beyond_wander(model, cause, split)
+    if gain > SURE or not cause_classes()[cause].has_own_times():
+        return gain
+    moved = model
+    for index, record in enumerate(split.train):
+        if moved.has(cause, index):
+            moved = with_times_moved(moved, record, index)
+    if moved is model:
+        return gain
+    return max(gain, gain_beyond_wander(refit(moved, split.train, n_iterations=_MOVED).model, cause, split))
 
 
 def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n_causes: int) -> Candidate:

@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
+from fomrc_core.diagnosis.candidate import candidate_of
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, split_data
+from fomrc_core.diagnosis.decision import is_no_wander
 from fomrc_core.diagnosis.diagnosis import diagnose
+from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.joint_fit import refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.model.piezo_model import PiezoModel
@@ -124,3 +130,23 @@ def test_a_load_is_followed_in_a_held_out_record_in_time_and_size() -> None:
     assert isinstance(load, ExternalLoad)
     assert load.displacement_um == pytest.approx(0.3, rel=0.005)
     assert load.onset_s + load.rise_s == pytest.approx(STEP_S * 634.4, abs=STEP_S)
+
+
+def test_a_load_that_came_some_samples_earlier_is_no_noise_that_wanders() -> None:
+    """Its jump is left twice, a sample each: beside a walk as much as none at all."""
+    rng = np.random.default_rng(4)
+    blank = [_loaded(0.3 * ((STEP_S * np.arange(1200) >= 5.0) & (STEP_S * np.arange(1200) < 8.0))) for _ in range(2)]
+    told = [Recording(r.time_s, r.voltage_v, r.measured_um + rng.normal(0.0, NOISE_UM, r.time_s.size)) for r in blank]
+    split = split_data((told[0],), told[1], None, NOISE_UM)
+    plain = replace(PLAIN, record_effects=((), ()))
+    late = plain.with_cause(ExternalLoad(0.3, 5.0 + 6 * STEP_S, 8.0 + 5 * STEP_S), 0)
+    fitted = refit(late, split.train)
+    candidate = candidate_of(PresentModel.of(plain, split), split, "external_load", fitted, bound=True)
+    assert gain_beyond_wander(fitted.model, "external_load", split) < SURE, "as it was begun"
+    assert is_no_wander(candidate, split)
+    # and where there is none no moment makes one of a walk
+    walk_um = np.cumsum(rng.normal(0.0, 20.0 * NOISE_UM, 1200))
+    told = [Recording(r.time_s, r.voltage_v, r.measured_um + walk_um) for r in (_loaded(np.zeros(1200)),) * 2]
+    split = split_data((told[0],), told[1], None, NOISE_UM)
+    fitted = refit(late, split.train)
+    assert not is_no_wander(replace(candidate, fitted=fitted), split)
