@@ -11,7 +11,7 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score, loses_to
-from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.diagnosis.moved_times import with_times_moved_in_all
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_beside
 from fomrc_core.fitting.joint_fit import Refit, refit
@@ -85,10 +85,7 @@ def _gain_beyond_wander(candidate: Candidate, cause: str, split: DataSplit) -> f
     gain = gain_beyond_wander(model, cause, split)
     if gain > SURE or not cause_classes()[cause].has_own_times():
         return gain
-    moved = model
-    for index, record in enumerate(split.train):
-        if moved.has(cause, index):
-            moved = with_times_moved(moved, record, index)
+    moved = with_times_moved_in_all(model, split.train)
     if moved is model:
         return gain
     return max(gain, gain_beyond_wander(refit(moved, split.train, n_iterations=_MOVED).model, cause, split))

@@ -16,13 +16,12 @@ from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.effects.base.effect import Effect
-from fomrc_core.fitting.joint_fit import Refit, refit
+from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.residual import normalised_percent, rms
 
 Values = Mapping[str, float | list[float]]
-_WITHOUT = 6  # iterations of a fit without one of the causes
 _LEAST_ERRORS = 2.0  # standard errors a parameter must be: less happens one time in twenty where there is nothing
 
 
@@ -193,7 +192,7 @@ def _own_log_gain(step: Step, final_model: TrialModel, split: DataSplit) -> floa
         return step.accepted.score.log_gain
     if not cause_classes()[name].bends_to_much or not final_model.has(name):
         return None
-    fewer = refit(final_model.as_before(step.before, name), split.train, n_iterations=_WITHOUT).model
+    fewer = step.left_out_of(final_model, split).model
     without, beside = (rms(np.concatenate(quoted_residuals(m, split.report))) for m in (fewer, final_model))
     return 2.0 * math.log(without / beside) if without > 0.0 and beside > 0.0 else None
 

@@ -6,7 +6,7 @@ Those that gain nothing are no times of anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +39,13 @@ def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialM
             model = _without_idle(_moved(model, record, index, cause), record, index, cause.name)
         elif cause.moved_moments:
             model = _moved(model, record, index, cause)
+    return model
+
+
+def with_times_moved_in_all(model: TrialModel, records: Sequence[FitRecord]) -> TrialModel:
+    """Return the model with the times of its causes in each of its first records, these, where they leave least."""
+    for index, record in enumerate(records):
+        model = with_times_moved(model, record, index)
     return model
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
-from fomrc_core.diagnosis.moved_times import with_times_moved
+from fomrc_core.diagnosis.moved_times import with_times_moved, with_times_moved_in_all
 from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
@@ -104,9 +104,7 @@ def sought_again(final: Refit, split: DataSplit, cause: str, executor: Executor 
         if is_still or not cause_classes()[cause].has_own_times():
             break
         # what is fitted beside a time had bent to where it was before: with that mended the time moves on
-        model = final.model
-        for index, record in enumerate(split.train):
-            model = with_times_moved(model, record, index)
+        model = with_times_moved_in_all(final.model, split.train)
     return final
 
 

@@ -271,11 +271,10 @@ def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSpli
     One just found in a single record a fit has moved since, but for such times, and where it ran away.
     """
     timed = {cause.name for at, cause in model.found() if at is not None and cause.has_own_times()}
-    for at, cause in model.found():
-        if at is not None and at < len(split.train) and cause.ran_away(float(np.ptp(split.train[at].time_s))):
-            timed.add(cause.name)
+    lengths_s = [float(np.ptp(record.time_s)) for record in split.train]
+    astray = {c.name for at, c in model.found() if at is not None and at < len(lengths_s) and c.ran_away(lengths_s[at])}
     is_seen_anew = len(split.train) > 1 or bool(cause_classes()[accepted.cause].moved_times)
-    return timed | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
+    return timed | astray | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
 
 
 def _better_rival(

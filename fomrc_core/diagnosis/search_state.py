@@ -14,7 +14,7 @@ from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.wander import gain_beyond_wander
-from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.joint_fit import Refit, fit_until_still
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 
@@ -75,7 +75,7 @@ def pruned(state: SearchState, split: DataSplit, executor: Executor | None) -> S
         is_last = step is given[-1]
         if not state.model.has(name):
             continue
-        lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
+        lesser = step.left_out_of(state.model, split, executor)
         train_gain = math.log(lesser.squared_error / state.final.squared_error)
         score = held_out_score(held_residuals(lesser.model, split.held), held_residuals(state.model, split.held))
         is_kept = score.log_gain >= PRUNED or (is_last and score.is_worthwhile())
@@ -112,7 +112,7 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
         if len(state.steps) == 1 or not state.model.has(name) or not cause_classes()[name].is_exchangeable:
             continue
         if gain_beyond_wander(state.final.model, name, split) < _BY_CHANCE:
-            lesser = refit(state.model.as_before(step.before, name), split.train, n_iterations=6, executor=executor)
+            lesser = step.left_out_of(state.model, split, executor)
             fewer = _without_step(state, step, lesser.model, split, executor)
             score = held_out_score(held_residuals(fewer.model, split.held), held_residuals(state.model, split.held))
             if step.accepted.is_bound or not split.is_apart or score.log_gain < NEARLY:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
+from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.held_out_score import SURE
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
+
+_WITHOUT = 6  # iterations of a fit without one of the causes
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +49,12 @@ class Step:
         """
         is_looked_at_again = cause_classes()[self.accepted.cause].is_exchangeable and not self.accepted.is_bound
         return self.margin < -SURE and not self.tied and is_looked_at_again
+
+    def left_out_of(self, model: TrialModel, split: DataSplit, executor: Executor | None = None) -> Refit:
+        """Return the joint refit of a model without this cause, all others staying."""
+        return refit(
+            model.as_before(self.before, self.accepted.cause), split.train, n_iterations=_WITHOUT, executor=executor
+        )
 
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""
