@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled
 from fomrc_core.effects.base.contact_times import open_times
@@ -199,7 +200,9 @@ class IntermittentContact(Effect):
         }
 
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
-        """Return whether at most openings the stage misses what the drive does, and has it back at once.
+        """Return whether in most of what is left at its openings the stage misses the drive, and has it back at once.
+
+        By power and not by number: where another cause is found since, what it did is left no more at its places.
 
         Args:
             time_s: time since the first sample [s], shape (n_samples,).
@@ -208,9 +211,14 @@ class IntermittentContact(Effect):
         """
         if not self.opens_s:
             return True
-        times = zip(self.opens_s, self.closes_s, strict=True)
-        confirmed = [_is_missed(time_s, voltage_v, residual_um, *pair) for pair in times]
-        return 2 * sum(confirmed) > len(confirmed)
+        confirmed_um2 = left_um2 = 0.0
+        for open_s, close_s in zip(self.opens_s, self.closes_s, strict=True):
+            inside = np.flatnonzero((time_s >= open_s) & (time_s < close_s))
+            missed_um = residual_um[inside] - residual_um[max(inside[0] - 1, 0)] if inside.size else np.zeros(0)
+            left_um2 += float(missed_um @ missed_um)
+            if _is_missed(voltage_v, residual_um, inside):
+                confirmed_um2 += float(missed_um @ missed_um)
+        return 2.0 * confirmed_um2 > left_um2
 
     def linearized(self, changes: Array, steps_s: Array, values: Array | None = None) -> Array:
         """Return the changes, less the contact's share while the stage touches."""
@@ -281,10 +289,9 @@ class IntermittentContact(Effect):
         return cls.proposed(trials)
 
 
-def _is_missed(time_s: Array, voltage_v: Array, residual_um: Array, open_s: float, close_s: float) -> bool:
-    """Return whether the residual misses the drive while a lead is open, and is back at once when it has closed."""
-    inside = np.flatnonzero((time_s >= open_s) & (time_s < close_s))
-    if inside.size < 2 or inside[0] == 0 or inside[-1] + 1 >= time_s.size:
+def _is_missed(voltage_v: Array, residual_um: Array, inside: NDArray[np.int64]) -> bool:
+    """Return whether the residual misses the drive in these samples of an open lead, and is back at once after them."""
+    if inside.size < 2 or inside[0] == 0 or inside[-1] + 1 >= residual_um.size:
         return False
     before_um = residual_um[inside[0] - 1]
     # behind a lag it comes back within some samples

@@ -251,3 +251,17 @@ def test_an_opening_does_not_move_into_another_valley() -> None:
         (lead,) = with_times_moved(_plain_with(begun), record, 0).record_effects[0]
         assert isinstance(lead, IntermittentContact)
         np.testing.assert_allclose([lead.opens_s, lead.closes_s], [[5.013], [5.165]], atol=0.5 * STEP_S)
+
+
+def test_places_where_nothing_is_left_any_more_do_not_outvote_the_opening_that_is_there() -> None:
+    drive_v = sweeps(1500, 3)
+    time_s = STEP_S * np.arange(drive_v.size)
+    noise_um = np.random.default_rng(4).normal(0.0, 2e-3, drive_v.size)
+    left_um = 2.0 * (held(drive_v, [(700, 745)]) - drive_v) + noise_um
+    # three more were plateaus of a limit that has been found since
+    opens_s, closes_s = (2.0, 4.0, 5.0, 7.0), (2.3, 4.3, 5.3, 7.45)
+    assert IntermittentContact(opens_s=opens_s, closes_s=closes_s).is_confirmed(time_s, drive_v, left_um)
+    assert not IntermittentContact(opens_s=opens_s, closes_s=closes_s).is_confirmed(time_s, drive_v, noise_um)
+    # what the stage does there in another way, and more of it than at the one, speaks against a lead
+    turned_um = left_um + np.where((time_s >= 2.0) & (time_s < 2.3), 80.0 * np.sin(40.0 * time_s), 0.0)
+    assert not IntermittentContact(opens_s=opens_s, closes_s=closes_s).is_confirmed(time_s, drive_v, turned_um)
