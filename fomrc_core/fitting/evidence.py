@@ -7,7 +7,7 @@ from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.quality import bridged
-from fomrc_core.records.sensor_step import sensor_step_um
+from fomrc_core.records.sensor_step import recurring_step_um, sensor_step_um
 
 
 def legible(residual_um: Array, record: FitRecord) -> Array:
@@ -39,9 +39,15 @@ def evidence_of(
                 predict(trial, record, index, is_coarse=True),
                 legible(residual_um, record),
                 record.covariates,
-                sensor_step_um(record.measured_um[record.recording.valid_samples]),
+                _sensor_step_um(record.measured_um[record.recording.valid_samples]),
             )
             for index, (record, residual_um) in enumerate(zip(records, residuals_um, strict=True))
         ),
         noise_um,
     )
+
+
+def _sensor_step_um(readings_um: Array) -> float:
+    """Return the step of a quantised sensor [um], nan where there is none; a few readings may be none of its own."""
+    step_um = sensor_step_um(readings_um)
+    return step_um if step_um > 0.0 else recurring_step_um(readings_um)

@@ -10,7 +10,8 @@ from fomrc_core.compute.arrays import Array
 _N_LOOKED_AT = 1 << 18
 _ROUNDING = 1e-12
 _OFF_LATTICE = 0.1
-_N_LEVELS_MIN = 3
+_N_LEVELS_MIN, _N_RECURRING_MIN = 3, 4
+_GAP_SHARES = (0.5, 0.2, 0.05)  # of the gaps between levels, rising: which of them is taken for one step
 
 
 def sensor_step_um(displacement_um: Array) -> float:
@@ -39,6 +40,25 @@ def sensor_step_um(displacement_um: Array) -> float:
         reach *= 8.0
     off = np.abs(above / step - np.round(above / step))
     return step if float(np.max(off)) <= _OFF_LATTICE else float("nan")
+
+
+def recurring_step_um(displacement_um: Array) -> float:
+    """Return the step of a quantised sensor [um], faulty readings left out; nan where it has none.
+
+    Readings of a coarse sensor come back; what comes once only may be a spike, and a dropout is one value in many.
+    """
+    levels, counts = np.unique(displacement_um, return_counts=True)
+    levels = levels[counts > 1]
+    if np.sum(counts[counts > 1]) < 0.5 * displacement_um.size or levels.size < _N_RECURRING_MIN:
+        return float("nan")
+    apart = np.diff(levels)
+    # where a fast motion visits few of the levels most gaps are several steps wide, and the least is one
+    for share in _GAP_SHARES:
+        step = float(np.quantile(apart, share, method="lower"))
+        on_lattice = np.abs(apart / step - np.round(apart / step)) < _OFF_LATTICE
+        if float(np.mean(on_lattice)) > 1.0 - _OFF_LATTICE:
+            return step
+    return float("nan")
 
 
 def unquantised_variance_um2(seen_um2: float, step_um: float) -> float:

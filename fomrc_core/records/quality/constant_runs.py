@@ -12,9 +12,6 @@ Index = NDArray[np.int64]
 
 _N_SAME_MIN = 3  # times a value must come back exactly to be that of a dropout
 _FALSE_ALARMS = 1e-3  # a record
-_N_LEVELS_MIN = 4
-_OFF_LATTICE = 0.1
-_GAP_SHARES = (0.5, 0.2, 0.05)  # of the gaps between levels, rising: which of them is taken for one step
 _ROUNDING = 1e-9  # of the range
 _JUMPED_SHARE = 0.3
 _N_STUCK_MIN = 5
@@ -126,25 +123,6 @@ def _finest_gap_um(values: Array) -> float:
     apart = np.diff(np.unique(values))
     apart = apart[apart > _ROUNDING * float(np.ptp(values))]
     return float(np.quantile(apart, 0.05)) if apart.size else 0.0
-
-
-def recurring_step_um(displacement_um: Array) -> float:
-    """Return the step of a quantised sensor [um], faulty readings left out; nan where it has none.
-
-    Readings of a coarse sensor come back; what comes once only may be a spike, and a dropout is one value in many.
-    """
-    levels, counts = np.unique(displacement_um, return_counts=True)
-    levels = levels[counts > 1]
-    if np.sum(counts[counts > 1]) < 0.5 * displacement_um.size or levels.size < _N_LEVELS_MIN:
-        return float("nan")
-    apart = np.diff(levels)
-    # where a fast motion visits few of the levels most gaps are several steps wide, and the least is one
-    for share in _GAP_SHARES:
-        step = float(np.quantile(apart, share, method="lower"))
-        on_lattice = np.abs(apart / step - np.round(apart / step)) < _OFF_LATTICE
-        if float(np.mean(on_lattice)) > 1.0 - _OFF_LATTICE:
-            return step
-    return float("nan")
 
 
 def _chosen(starts: Index, stops: Index, mask: Mask) -> tuple[Index, Index]:

@@ -10,13 +10,14 @@ from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.runs import runs_of
 from fomrc_core.errors import RecordingError
 from fomrc_core.records.quality.clock import clock_faults
-from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck, recurring_step_um
+from fomrc_core.records.quality.constant_runs import find_dropouts, find_stuck
 from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.excursions import Surroundings, find_excursions
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.noisy_drive import drive_noise_v, smoothed_drive_v
 from fomrc_core.records.quality.place_of_drive import made_by_drive
 from fomrc_core.records.recording import Recording
+from fomrc_core.records.sensor_step import recurring_step_um
 
 _N_PASSES = 8  # excursions beside each other hide each other until the larger one is gone
 _MASKED_SHARE_MAX = 0.1  # of a record: where more is wrong with it nobody knows what of it is right

@@ -34,3 +34,19 @@ def test_the_step_of_a_sensor_is_seen_beside_readings_that_are_left_out() -> Non
     (seen,) = evidence_of(base, records, [np.zeros(record.n_samples)], 0.01).records
     assert seen.sensor_step_um == pytest.approx(_STEP_UM, rel=1e-6)
     assert estimate_noise([record]).step_um == pytest.approx(_STEP_UM, rel=1e-6)
+
+
+def test_a_few_readings_that_nothing_told_for_wrong_hide_no_step() -> None:
+    coarse = coarse_record_with_spikes()
+    read_um = coarse.measured_um.copy()
+    read_um[[301, 702, 1203]] = _STEP_UM * np.round(1.4 * coarse.voltage_v[[301, 702, 1203]] / _STEP_UM)
+    # as dropouts to a level within the range, seen where they are far off, and not where the stage comes by
+    read_um[[250, 811, 1340]] = np.round(read_um[[250, 811, 1340]] / _STEP_UM) * _STEP_UM + 0.4 * _STEP_UM
+    records = (FitRecord.of(Recording(coarse.time_s, coarse.voltage_v, read_um)),)
+    base, _, _ = fit_base(records, ColumnKinds.plays(threshold_grid(records, 8)))
+    (seen,) = evidence_of(base, records, [np.zeros(read_um.size)], 0.01).records
+    assert seen.sensor_step_um == pytest.approx(_STEP_UM, rel=1e-6)
+    fine_um = 1.4 * coarse.voltage_v + np.random.default_rng(6).normal(0.0, 0.005, read_um.size)
+    fine = (FitRecord.of(Recording(coarse.time_s, coarse.voltage_v, fine_um)),)
+    (seen,) = evidence_of(base, fine, [np.zeros(read_um.size)], 0.01).records
+    assert np.isnan(seen.sensor_step_um)
