@@ -88,9 +88,11 @@ class Candidate:
 
     @property
     def n_parameters(self) -> int:
-        """Number of parameters it adds, weights of its own plays among them."""
+        """Number of parameters it adds, weights of its own plays and times that a search moves among them."""
         model = self.fitted.model
-        return self.n_free + int(np.count_nonzero(model.weights[model.columns.owned_by(self.cause)]))
+        n_weights = int(np.count_nonzero(model.weights[model.columns.owned_by(self.cause)]))
+        own = [cause for _, cause in model.found() if cause.name == self.cause]
+        return self.n_free + n_weights + sum(len(getattr(cause, name)) for cause in own for name in cause.moved_times)
 
     @property
     def total_gain(self) -> float:

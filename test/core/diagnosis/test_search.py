@@ -16,6 +16,7 @@ from fomrc_core.diagnosis.held_out_score import HeldOutScore
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.work_budget import WorkBudget
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
@@ -66,6 +67,22 @@ def test_blocks_of_its_own_record_are_an_easier_test_than_another_record(split: 
     relaxation = _contender(split, "slow_relaxation", 0.65, 0.11)
     assert _named(split, replace(drift, is_bound=True), relaxation) == "slow_relaxation"
     assert _named(split, drift, relaxation) == "thermal_drift"
+
+
+def test_what_leaves_surely_less_than_events_of_a_record_is_likelier_than_they_are(split: DataSplit) -> None:
+    """A record's own blocks are an easy test, and each time of an event is a parameter."""
+    opened = _contender(split, "intermittent_contact", 2.1, 2.3, n_free=0)
+    lead = IntermittentContact(opens_s=(0.1, 0.3), closes_s=(0.2, 0.4))
+    opened = replace(
+        opened, is_bound=True, fitted=replace(opened.fitted, model=opened.fitted.model.with_cause(lead, 0))
+    )
+    assert opened.n_parameters == 4
+    ends = _contender(split, "amplifier_saturation", 2.9, 0.5, n_free=2)
+    assert _named(split, opened, ends) == "amplifier_saturation"
+    assert _named(split, opened, replace(ends, is_plausible=False)) == "intermittent_contact"
+    # as much by four parameters more than the times are is chance
+    assert _named(split, opened, _contender(split, "creep_law", 2.101, 0.5, n_free=8)) == "intermittent_contact"
+    assert _named(split, opened, _contender(split, "amplifier_saturation", 1.9, 2.2)) == "intermittent_contact"
 
 
 def test_more_parameters_are_no_likelier_cause(split: DataSplit) -> None:
