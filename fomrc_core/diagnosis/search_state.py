@@ -10,6 +10,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
 from fomrc_core.diagnosis.decision import NEARLY
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
+from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
 from fomrc_core.diagnosis.step import Step
@@ -56,7 +57,7 @@ def with_rival(
         executor: runs refits side by side where given.
     """
     steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
-    final = fit_until_still(rival.fitted.model, split.train, executor)
+    final = in_best_form(fit_until_still(rival.fitted.model, split.train, executor), split, executor)
     for name in sorted({cause.name for at, cause in final.model.found() if at is not None}):
         # they were found beside what stood there before
         final = sought_again(final, split, name, executor)

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis.candidate import candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.other_forms import in_best_form
+from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.search_state import SearchState, with_rival
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.dead_zone import DeadZone
+from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import fit_until_still
@@ -46,3 +51,18 @@ def test_a_form_that_is_right_stays_and_so_does_a_cause_of_one_form(split: DataS
     assert in_best_form(right, split, None) is right
     zone = fit_until_still(_PLAIN.with_cause(DeadZone(0.01)), split.train)
     assert in_best_form(zone, split, None) is zone
+
+
+def test_what_stays_beside_a_cause_that_takes_a_place_is_counted_again(split: DataSplit) -> None:
+    zone = _PLAIN.with_cause(DeadZone(0.05))
+    counted = fit_until_still(zone.with_cause(SensorBandwidth(25.0, 1.0)), split.train)
+    present = PresentModel.of(_PLAIN, split)
+    of_zone = candidate_of(present, split, "dead_zone", fit_until_still(zone, split.train), bound=False)
+    of_sensor = candidate_of(present, split, "sensor_bandwidth", counted, bound=False)
+    steps = (Step(_PLAIN, of_zone, (), ()), Step(of_zone.fitted.model, of_sensor, (), ()))
+    state = SearchState(counted.model, steps, counted, frozenset())
+    late = fit_until_still(_PLAIN.with_cause(SensorBandwidth(25.0, 1.0)).with_cause(GainDrift(1e-6)), split.train)
+    rival = candidate_of(present, split, "gain_drift", late, bound=False)
+    changed = with_rival(state, 0, rival, ((), steps[1:]), split, None)
+    sensor = next(effect for effect in changed.model.effects if isinstance(effect, SensorBandwidth))
+    assert sensor.form() == _TRUE.form()

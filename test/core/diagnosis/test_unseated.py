@@ -87,10 +87,15 @@ def test_the_younger_takes_the_place_and_what_the_older_did_may_be_asked_anew(
     assert found.to_mapping()["quadratic_per_um"] == pytest.approx(_BEND_PER_UM, rel=0.1)
 
 
+def test_as_good_with_fewer_parameters_unseats_as_well(split: DataSplit, state: SearchState, bend: Candidate) -> None:
+    richer = replace(bend, cause="second_mode", is_plausible=True, unseats=frozenset(), n_free=bend.n_free + 2)
+    assert with_unseating(state, [richer, bend], richer, split, 30, None) is not None
+
+
 def test_only_what_is_surely_better_than_all_that_refutes_nothing_unseats(
     split: DataSplit, state: SearchState, bend: Candidate
 ) -> None:
-    as_good = replace(bend, cause="lost_preload", is_plausible=True, unseats=frozenset())
+    as_good = replace(bend, cause="lost_preload", is_plausible=True, unseats=frozenset(), n_free=bend.n_free - 1)
     assert with_unseating(state, [bend, as_good], as_good, split, 30, None) is None
     worse = replace(
         as_good,
