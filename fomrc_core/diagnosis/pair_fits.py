@@ -9,11 +9,13 @@ from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import clear_error, fit_starts, scanned
 from fomrc_core.diagnosis.joint_screening import LikelyPair, likely_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
+from fomrc_core.diagnosis.record_effects import sought_again
 from fomrc_core.diagnosis.screening import Screened, sketch_of
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.linear_part import tangent
 from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.model.prehistory import Prehistory
 
 _MOST_PAIRS = 4  # begun: a few iterations each
 _MOST_BESIDE = 2  # of those with what was chosen already
@@ -111,4 +113,9 @@ def _with(model: TrialModel, trials: tuple[Screened, ...], split: DataSplit) -> 
 def _followed(task: tuple[DataSplit, FittedPair]) -> FittedPair:
     split, found = task
     still = fit_until_still(found.fitted.model, split.train)
-    return FittedPair(found.pair, min(still, found.fitted, key=lambda fitted: fitted.squared_error))
+    best = min(still, found.fitted, key=lambda fitted: fitted.squared_error)
+    for first in (found.pair.one[0], found.pair.other[0]):
+        if isinstance(first.cause, Prehistory) or first.cause.has_own_times():
+            # told while the other was hidden: neither a past nor a time comes to the right one by a fit
+            best = sought_again(best, split, first.name, None)
+    return FittedPair(found.pair, best)

@@ -125,7 +125,7 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
 
 
 def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[SearchState, Candidate] | None:
-    """Return a second candidate, and the state with a first, of the pair that leaves least of all that look likely.
+    """Return a second candidate, and the state with a first, of the pair that leaves least of all that are findings.
 
     It must surely leave less than half of what was accepted leaves, which no parameter takes by itself, and less than
     a pair with that. Held-out data may speak against it by less than training speaks for it: how well a base carries
@@ -143,18 +143,20 @@ def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[Searc
     if not pairs:
         return None
     own = next((found for found in pairs if beside in found.pair.names), pairs[0])
-    best = pairs[0] if sure_gain(own.fitted, pairs[0].fitted, split) > SURE else own
-    learnt = math.inf
-    if accepted is not None:
-        learnt = math.log(accepted.fitted.squared_error / best.fitted.squared_error)
-        if learnt < NEARLY or sure_gain(accepted.fitted, best.fitted, split) < SURE:
-            return None
-    ordered = sorted((best.pair.one, best.pair.other), key=_accepted_first)
-    for first, second in (ordered, ordered[::-1]):
-        pair = _in_order(asked, best.fitted, first[0], second[0])
-        if pair is None or (accepted is not None and accepted.held_gain - pair[1].score.log_gain > learnt):
-            continue
-        return pair
+    if sure_gain(own.fitted, pairs[0].fitted, split) <= SURE:
+        pairs = [own, *(found for found in pairs if found is not own)]
+    for found in pairs:
+        learnt = math.inf
+        if accepted is not None:
+            learnt = math.log(accepted.fitted.squared_error / found.fitted.squared_error)
+            if learnt < NEARLY or sure_gain(accepted.fitted, found.fitted, split) < SURE:
+                continue
+        ordered = sorted((found.pair.one, found.pair.other), key=_accepted_first)
+        for first, second in (ordered, ordered[::-1]):
+            pair = _in_order(asked, found.fitted, first[0], second[0])
+            if pair is None or (accepted is not None and accepted.held_gain - pair[1].score.log_gain > learnt):
+                continue
+            return pair
     return None
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
+from fomrc_core.compute.least_squares import gram_of, whitening_of
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import sized
 from fomrc_core.diagnosis.moved_times import with_times_moved, with_times_moved_in_all
@@ -15,8 +16,8 @@ from fomrc_core.diagnosis.screening import screen
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.evidence import evidence_of
 from fomrc_core.fitting.fit_record import FitRecord
-from fomrc_core.fitting.free_parameters import free_parameters
-from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.fitting.free_parameters import FreeParameter, free_parameters
+from fomrc_core.fitting.joint_fit import Refit, effect_directions, fit_until_still, refit
 from fomrc_core.fitting.linear_part import Tangent, residuals, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -121,8 +122,10 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         pasts = [t.cause for t in trials if isinstance(t.cause, Prehistory)]
         if pasts:
             pasts += _others(model, index, pasts[0].resting_v)
-            start = with_searched_past(alone, 0, pasts, lambda option: _error(option, record))
-            alone = min((alone, _refit_own(start, record, kinds)), key=lambda option: _error(option, record))
+            beside = tuple(p for p in free_parameters(alone) if p.index == 0 and p.cause != name and _is_linear(p))
+            start = with_searched_past(alone, 0, pasts, _error_beside(alone, record, beside))
+            moved = _refit_own(start, record, kinds | {p.cause for p in beside})
+            alone = min((alone, moved), key=lambda option: _error(option, record))
             continue
         # a signature is the effect's slope; how well an instance of full size does only its simulation tells
         options = [alone.with_cause(sized(trial), 0) for trial in trials[:_MAX_TRIALS]]
@@ -133,6 +136,24 @@ def fit_one_record(model: TrialModel, record: FitRecord, index: int, kinds: set[
         best = _with_times_and_sizes(min(fits, key=lambda option: _error(option, record)), record, kinds)
         alone = min((alone, best), key=lambda option: _error(option, record))
     return model.with_record_of(alone, index)
+
+
+def _is_linear(parameter: FreeParameter) -> bool:
+    return parameter.spec.name in cause_classes()[parameter.cause].linear_parameters
+
+
+def _error_beside(
+    model: TrialModel, record: FitRecord, free: tuple[FreeParameter, ...]
+) -> Callable[[TrialModel], float]:
+    """Return what a model of one record leaves once these parameters have followed, as a function of it [um^2].
+
+    A drift that was fitted beside a wrong past has bent to it, and holds any other for worse.
+    """
+    if not free:
+        return lambda option: _error(option, record)
+    columns = effect_directions(model, free, (record,))
+    moving = Tangent(columns, whitening_of(gram_of([(columns[0], record.is_used)])))
+    return lambda option: squared_error((record,), moving.remove((record,), residuals(option, (record,))))
 
 
 def _with_times_and_sizes(model: TrialModel, record: FitRecord, kinds: set[str]) -> TrialModel:

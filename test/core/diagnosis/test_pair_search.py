@@ -22,6 +22,7 @@ from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.effects import Effect
 from fomrc_core.effects.dac_quantization import DacQuantization
+from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
@@ -149,17 +150,36 @@ def test_a_drift_that_only_wander_speaks_against_is_asked_with_a_second_before_a
     assert asked == ["thermal_drift"]
 
 
+def _with_converter(fitted: Refit, effect: Effect, left: float) -> FittedPair:
+    model = PLAIN.with_cause(effect).with_cause(DacQuantization(STEP_V))
+    trials = tuple((Screened(cause, None, 1.0, 1.0, 1.0),) for cause in model.effects)
+    return FittedPair(LikelyPair(trials[0], trials[1], left), replace(fitted, model=model, squared_error=left))
+
+
+def test_where_the_pair_that_leaves_least_is_no_finding_the_next_is_asked(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted = refit(PLAIN, split.train)
+    first, second = _with_converter(fitted, GainDrift(1e-3), 1.0), _with_converter(fitted, TransportDelay(0.004), 1.1)
+    state = SearchState(PLAIN, (), fitted, frozenset())
+    answer = state, _candidate(split, "transport_delay", 0.9)
+    monkeypatch.setattr(pair_search, "fitted_pairs", lambda *_: [first, second])
+    monkeypatch.setattr(pair_search, "_in_order", lambda _, asked, *__: answer if asked is second.fitted else None)
+    among = pair_search.Round(state, [], split, (), 31, None, present=PresentModel.of(PLAIN, split))
+    assert pair_search._told_by_signatures(among, None) is answer
+    # beside what was chosen alone it must leave less than half of what that leaves
+    chosen = _candidate(split, "slow_relaxation", 0.9)
+    chosen = replace(chosen, fitted=replace(chosen.fitted, squared_error=1.9))
+    assert pair_search._told_by_signatures(among, chosen) is None
+
+
 def test_a_pair_with_a_cause_that_no_record_shows_is_passed_over(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def pair(effect: Effect, left: float) -> FittedPair:
-        model = PLAIN.with_cause(effect).with_cause(DacQuantization(STEP_V))
-        trials = tuple((Screened(cause, None, 1.0, 1.0, 1.0),) for cause in model.effects)
-        return FittedPair(LikelyPair(trials[0], trials[1], left), replace(fitted, model=model, squared_error=left))
-
     fitted = refit(PLAIN, split.train)
     # faster than half the sampling, so that a lag is all that is left of it
-    ringing, late = pair(MechanicalResonance(0.8 * RATE_HZ, 0.7), 1.0), pair(TransportDelay(0.004), 1.1)
+    ringing = _with_converter(fitted, MechanicalResonance(0.8 * RATE_HZ, 0.7), 1.0)
+    late = _with_converter(fitted, TransportDelay(0.004), 1.1)
     asked: list[Refit] = []
     monkeypatch.setattr(pair_search, "fitted_pairs", lambda *_: [ringing, late])
     monkeypatch.setattr(pair_search, "_in_order", lambda _, fitted, *__: asked.append(fitted))
