@@ -37,6 +37,7 @@ from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unseated import with_unseating
+from fomrc_core.diagnosis.with_the_start import comes_with_the_start
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
@@ -258,6 +259,8 @@ def _with_finding(
     for name in sorted(_sought_again_beside(accepted, final.model, split)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
+    if comes_with_the_start(found.model, split, accepted.cause):
+        return replace(state, tried=found.tried)
     found = pruned(found, split, executor)
     if accepted.is_bound and found.steps and found.steps[-1].accepted is accepted:
         last = found.steps[-1].tied_with(still_tied(found.model, tied, split))
