@@ -16,7 +16,7 @@ from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
 from fomrc_core.model.kernels import forward, forward_beside, forward_widened
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import Substeps, held_parts, least_parts, parts_of_steps, subdivide
+from fomrc_core.model.substeps import Substeps, held_parts, least_parts, means_of_parts, parts_of_steps, subdivide
 from fomrc_core.operators.creep import CreepModes, creep_block
 from fomrc_core.operators.hysteresis import HEADER as PLAYS_HEADER
 from fomrc_core.operators.hysteresis import N_PLAYS, OperatorSum, hysteresis_block
@@ -48,9 +48,7 @@ class ElementDrive:
             return values
         if not self.is_averaged:
             return values[self.ends]
-        begins = np.concatenate(([0], self.ends[:-1] + 1))
-        n_parts = (self.ends + 1 - begins).reshape(-1, *[1] * (values.ndim - 1))
-        return np.asarray(np.add.reduceat(values, begins, axis=0) / n_parts)
+        return means_of_parts(values, self.ends)
 
 
 def relaxed_state(play_form: OperatorSum, modes: CreepModes, effects: Iterable[Effect]) -> tuple[ModelState, int]:

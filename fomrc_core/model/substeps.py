@@ -201,8 +201,45 @@ def held_parts(before_v: Array, drive_v: Array, parts: NDArray[np.int64]) -> Arr
         drive_v: level from it on [V], shape (n_samples,).
         parts: number of parts of each step.
     """
-    begins = np.repeat(np.cumsum(parts) - parts, parts)
-    beyond = 2 * (np.arange(begins.size) - begins + 1) - np.repeat(parts + 1, parts)
-    after = 0.5 * (1.0 + np.sign(beyond))
-    before = np.repeat(before_v, parts)
-    return np.asarray(before + after * (np.repeat(drive_v, parts) - before))
+    held_v = np.empty(int(np.sum(parts)))
+    _fill_held(before_v, drive_v, parts, held_v)
+    return held_v
+
+
+@compiled
+def _fill_held(before_v: Array, drive_v: Array, parts: NDArray[np.int64], held_v: Array) -> None:
+    at = 0
+    for k in range(parts.size):
+        for i in range(1, parts[k] + 1):
+            beyond = 2 * i - (parts[k] + 1)
+            after = 0.5 if beyond == 0 else (1.0 if beyond > 0 else 0.0)
+            held_v[at] = before_v[k] + after * (drive_v[k] - before_v[k])
+            at += 1
+
+
+def means_of_parts(values: Array, ends: NDArray[np.int64]) -> Array:
+    """Return the mean of values over the parts of each step, shape (n_samples, ...).
+
+    Args:
+        values: of each part, along the first axis, shape (n_parts, ...).
+        ends: part that ends at each sample, shape (n_samples,).
+    """
+    means = np.empty((ends.size, *values.shape[1:]))
+    rows, out = values.reshape(len(values), -1), means.reshape(ends.size, -1)
+    _fill_means(rows, ends, out)
+    return means
+
+
+@compiled
+def _fill_means(rows: Array, ends: NDArray[np.int64], out: Array) -> None:
+    begin = 0
+    for k in range(ends.size):
+        n_parts = ends[k] + 1 - begin
+        for j in range(rows.shape[1]):
+            out[k, j] = rows[begin, j]
+        for i in range(begin + 1, ends[k] + 1):
+            for j in range(rows.shape[1]):
+                out[k, j] += rows[i, j]
+        for j in range(rows.shape[1]):
+            out[k, j] /= n_parts
+        begin = ends[k] + 1
