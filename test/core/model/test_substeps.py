@@ -51,7 +51,9 @@ from fomrc_core.model.substeps import (
     STRAIGHT,
     TURN,
     Substeps,
+    held_parts,
     least_parts,
+    means_of_parts,
     parts_of_steps,
     subdivide,
 )
@@ -331,3 +333,16 @@ def test_a_file_that_does_not_say_is_read_as_ever() -> None:
     assert "substeps" not in PiezoModel.from_mapping(block).to_mapping()
     with pytest.raises(InputError, match=r"model\.substeps"):
         PiezoModel.from_mapping({**block, "substeps": "few"})
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=30), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_what_is_read_over_a_sample_is_the_mean_over_its_parts(n_parts: list[int], n_columns: int, seed: int) -> None:
+    rng, parts = np.random.default_rng(seed), np.array(n_parts)
+    shape = (int(parts.sum()), n_columns) if n_columns else (int(parts.sum()),)
+    values, ends = rng.normal(size=shape), np.cumsum(parts) - 1
+    expected = [np.mean(piece, axis=0) for piece in np.split(values, ends[:-1] + 1)]
+    np.testing.assert_allclose(means_of_parts(values, ends), expected, atol=1e-14)
+    before_v, drive_v = rng.normal(size=(2, parts.size))
+    held_v = held_parts(before_v, drive_v, parts)
+    # half before the jump and half after, whatever the number of parts
+    np.testing.assert_allclose(means_of_parts(held_v, ends), 0.5 * (before_v + drive_v), atol=1e-14)
