@@ -131,6 +131,12 @@ def _explains_events(other: Candidate, winner: Candidate, split: DataSplit) -> b
     return sure_gain(winner.fitted, other.fitted, split) - max(cost, 0.0) > SURE
 
 
+def is_likelier_with_fewer(other: Candidate, winner: Candidate, split: DataSplit) -> bool:
+    """Return whether training surely speaks for a candidate, each parameter costing what it gains (Schwarz, 1978)."""
+    cost = 2.0 * _cost_of_parameters(winner, other, _n_effective(other.fitted, split))
+    return sure_gain(winner.fitted, other.fitted, split) - cost > SURE
+
+
 def is_surely_better(other: Candidate, winner: Candidate) -> bool:
     """Return whether what a candidate adds to another, which is a special case of it, would be a finding in itself.
 

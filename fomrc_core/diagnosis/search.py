@@ -25,6 +25,7 @@ from fomrc_core.diagnosis.decision import (
     ties_of,
     whitened_margin_of,
 )
+from fomrc_core.diagnosis.events_or_plays import events_in_place_of_plays
 from fomrc_core.diagnosis.finer_grid import on_finer_grid
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
@@ -191,7 +192,9 @@ def _asked(
             candidates = with_kin(likeliest, candidates, present, split, causes)
             # of two lags much alike the one that began far off may be the right one
             likeliest = likelier(likeliest, candidates, split, len(causes))
-            return candidates, (state, simplest(likeliest, candidates, split, len(causes)))
+            chosen = simplest(likeliest, candidates, split, len(causes))
+            chosen = events_in_place_of_plays(chosen, candidates, present, split, len(causes), executor)
+            return candidates, (state, chosen)
         quick = found_beside_slow(tier, split, len(causes))
         if quick is not None:
             candidates = with_kin(quick, candidates, present, split, causes)
