@@ -130,9 +130,14 @@ def _starts_with_columns(model: TrialModel, trials: list[Screened]) -> list[Tria
     assert isinstance(family.cause, Effect)
     nothing = np.zeros(0)
     bare = model.with_cause(family.cause.with_plays(nothing, nothing, nothing))
-    columns = model.columns.joined(ColumnKinds.plays_of(family.cause))
+    return [bare, with_family(bare, family.cause)]
+
+
+def with_family(model: TrialModel, effect: Effect) -> TrialModel:
+    """Return the model with the plays of one of its effects as columns behind its own, their weights still zero."""
+    columns = model.columns.joined(ColumnKinds.plays_of(effect))
     added = columns.thresholds_v.size - model.weights.size
-    return [bare, replace(bare, columns=columns, weights=np.concatenate((model.weights, np.zeros(added))))]
+    return replace(model, columns=columns, weights=np.concatenate((model.weights, np.zeros(added))))
 
 
 def scanned(start: TrialModel, split: DataSplit, directions: Tangent, trial: Screened) -> TrialModel:

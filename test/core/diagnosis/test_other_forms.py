@@ -11,6 +11,7 @@ from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.search_state import SearchState, with_rival
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.dead_zone import DeadZone
 from fomrc_core.effects.gain_drift import GainDrift
 from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
@@ -66,3 +67,32 @@ def test_what_stays_beside_a_cause_that_takes_a_place_is_counted_again(split: Da
     changed = with_rival(state, 0, rival, ((), steps[1:]), split, None)
     sensor = next(effect for effect in changed.model.effects if isinstance(effect, SensorBandwidth))
     assert sensor.form() == _TRUE.form()
+
+
+def _one_sided(seed: int) -> Recording:
+    """Return a stage whose plays count more above zero."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(2400) / 200.0
+    lines_hz, phases = rng.uniform(0.2, 2.0, 8), rng.uniform(0.0, 2.0 * np.pi, 8)
+    sines = np.sum(np.sin(2.0 * np.pi * lines_hz[:, None] * time_s + phases[:, None]), axis=0)
+    drive_v = 0.35 * np.minimum(time_s, 1.0) * sines
+    thresholds_v, plays_v, moved_um = np.array([0.0, 0.3, 0.6]), np.zeros(3), np.empty(time_s.size)
+    for k, now_v in enumerate(drive_v):
+        plays_v = np.clip(plays_v, now_v - thresholds_v, now_v + thresholds_v)
+        moved_um[k] = 1.2 * plays_v[0] + 0.3 * np.sum(plays_v[1:]) + 0.2 * np.sum(np.maximum(plays_v[1:], 0.0))
+    return Recording(time_s, drive_v, moved_um + rng.normal(0.0, _NOISE_UM, time_s.size))
+
+
+def test_a_loop_that_was_told_as_a_warp_gets_plays_where_they_are_worth_their_weights() -> None:
+    split = split_data((_one_sided(1),), _one_sided(2), None, _NOISE_UM)
+    base = TrialModel(ColumnKinds.plays(np.array([0.0, 0.3, 0.6])), np.array([1.2, 0.3, 0.3]), 0.0, (), ((), (), ()))
+    warped = fit_until_still(base.with_cause(AsymmetricHysteresis(warp_per_v=1e-3)), split.train)
+    found = in_best_form(warped, split, None)
+    assert np.any(found.model.columns.owned_by("asymmetric_hysteresis"))
+    assert found.squared_error < 0.5 * warped.squared_error
+    assert in_best_form(found, split, None).model.weights.size == found.model.weights.size, "once is enough"
+
+
+def test_a_symmetric_loop_gets_no_plays(split: DataSplit) -> None:
+    plain = fit_until_still(_PLAIN.with_cause(_TRUE).with_cause(AsymmetricHysteresis(warp_per_v=1e-5)), split.train)
+    assert not np.any(in_best_form(plain, split, None).model.columns.owned_by("asymmetric_hysteresis"))
