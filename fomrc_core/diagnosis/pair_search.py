@@ -134,7 +134,7 @@ def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[Searc
     split, present = asked.split, asked.present
     if present is None or not asked.budget.allows(CAUSES) or present.squared_error < MUCH_LEFT * split.noise_um2:
         return None
-    if accepted is not None and cause_classes()[accepted.cause].has_own_times():
+    if accepted is not None and accepted.is_bound and cause_classes()[accepted.cause].has_own_times():
         return None  # it is at rest only once its times are moved: what it leaves before is nobody's
     beside = None if accepted is None else accepted.cause
     pairs = fitted_pairs(present, split, asked.screened, asked.executor, beside, asked.state.tried)

@@ -173,6 +173,22 @@ def test_where_the_pair_that_leaves_least_is_no_finding_the_next_is_asked(
     assert pair_search._told_by_signatures(among, chosen) is None
 
 
+def test_beside_a_contact_at_one_place_pairs_are_asked_and_not_beside_openings_whose_times_are_still_moved(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(pair_search, "fitted_pairs", lambda *_: asked.append("pairs") or [])
+    fitted = refit(PLAIN, split.train)
+    among = pair_search.Round(
+        SearchState(PLAIN, (), fitted, frozenset()), [], split, (), 31, None, present=PresentModel.of(PLAIN, split)
+    )
+    contact = _candidate(split, "intermittent_contact", 0.3)
+    pair_search._told_by_signatures(among, replace(contact, is_bound=True))
+    assert asked == []
+    pair_search._told_by_signatures(among, contact)
+    assert asked == ["pairs"]
+
+
 def test_a_pair_with_a_cause_that_no_record_shows_is_passed_over(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
