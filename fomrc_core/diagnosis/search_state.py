@@ -12,7 +12,7 @@ from fomrc_core.diagnosis.decision import NEARLY
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import residual_inflation
-from fomrc_core.diagnosis.record_effects import follow_held, sought_again
+from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still
@@ -78,7 +78,9 @@ def pruned(state: SearchState, split: DataSplit, executor: Executor | None) -> S
             continue
         lesser = step.left_out_of(state.model, split, executor)
         train_gain = math.log(lesser.squared_error / state.final.squared_error)
-        score = held_out_score(held_residuals(lesser.model, split.held), held_residuals(state.model, split.held))
+        # what a load made up for in the held-out record while this cause was there it need not without it
+        alone = refollowed(lesser.model, split)
+        score = held_out_score(held_residuals(alone, split.held), held_residuals(state.model, split.held))
         is_kept = score.log_gain >= PRUNED or (is_last and score.is_worthwhile())
         is_of_records = any(at is not None and cause.name == name for at, cause in state.model.found())
         if is_kept:

@@ -9,9 +9,11 @@ from fomrc_core.diagnosis import search_state
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.search_state import SearchState, with_rival, without_wander
+from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.search_state import SearchState, pruned, with_rival, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
@@ -104,3 +106,33 @@ def test_what_takes_half_of_what_is_left_of_another_record_is_no_noise_that_wand
     monkeypatch.setattr(search_state, "gain_beyond_wander", lambda *_: -500.0)
     after = without_wander(SearchState(both.model, steps, both, frozenset()), split, None)
     assert [step.accepted.cause for step in after.steps] == ["transport_delay"]
+
+
+def test_what_a_load_made_up_for_in_the_held_out_record_does_not_keep_a_cause() -> None:
+    rng = np.random.default_rng(3)
+    time_s = np.arange(2000) / 200.0
+    moving_v, stepped_v = np.sin(3.0 * time_s), np.where(time_s >= 4.0, 1.0, 0.0)
+    slow_v = np.zeros(time_s.size)  # acts while it is learned, and not in the held-out record
+    for k in range(1, time_s.size):
+        slow_v[k] = slow_v[k - 1] + (moving_v[k] - slow_v[k - 1]) / 200.0
+    loads_um = 0.2 * (time_s >= 5.0), 0.2 * (time_s >= 4.0)
+    noise_um = rng.normal(0.0, _NOISE_UM, (2, time_s.size))
+    learned = Recording(time_s, moving_v, 2.0 * moving_v + 0.1 * slow_v + loads_um[0] + noise_um[0])
+    apart = Recording(time_s, stepped_v, 2.0 * stepped_v + loads_um[1] + noise_um[1])
+    split = split_data((learned,), apart, None, _NOISE_UM)
+    plain = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), ()))
+    slow = plain.with_cause(SlowRelaxation(0.05, 1.0))
+    loaded = slow.with_cause(ExternalLoad(0.2, 5.0), 0)
+
+    def found(before: TrialModel, model: TrialModel, cause: str, bound: bool) -> Candidate:
+        fitted = fit_until_still(model, split.train, None)
+        return candidate_of(PresentModel.of(before, split), split, cause, fitted, bound)
+
+    first = found(plain, slow, "slow_relaxation", bound=False)
+    second = found(first.fitted.model, loaded, "external_load", bound=True)
+    steps = (Step(plain, first, (), ()), Step(first.fitted.model, second, (), ()))
+    followed = follow_held(second.fitted.model, split)
+    load = next(cause for at, cause in followed.found() if at == 1)
+    assert abs(load.to_mapping()["displacement_um"] - 0.2) > 5.0 * _NOISE_UM, "it made up for the relaxation"
+    left = pruned(SearchState(followed, steps, second.fitted, frozenset()), split, None)
+    assert [step.accepted.cause for step in left.steps] == ["external_load"]
