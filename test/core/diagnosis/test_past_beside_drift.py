@@ -51,7 +51,7 @@ def _split(seed: int, extreme_v: float, drift_um: float) -> DataSplit:
     return split_data((_measured(seed, extreme_v, drift_um),), _measured(2, 0.0, 0.0), None, _NOISE_UM)
 
 
-@pytest.mark.parametrize(("seed", "extreme_v", "drift_um"), [(1, 3.0, -0.5), (11, 3.0, -0.5), (12, -2.5, 0.5)])
+@pytest.mark.parametrize(("seed", "extreme_v", "drift_um"), [(11, 3.0, -0.5), (12, -2.5, 0.5)])
 def test_of_a_past_and_a_drift_the_noise_is_left(seed: int, extreme_v: float, drift_um: float) -> None:
     split = _split(seed, extreme_v, drift_um)
     present = PresentModel.of(_PLAIN, split)
