@@ -23,7 +23,7 @@ from fomrc_core.records.whitening import burg
 SIGNIFICANCE = 0.01  # of one search, shared by the causes it tries (Bonferroni)
 # In the logarithm of the mean squared error: twice as much of it is near as long as other causes are hidden, a sixth
 # no difference from one held-out stretch to another.
-NEARLY, _HARDLY = 0.7, 0.15
+NEARLY, HARDLY = 0.7, 0.15
 # Held-out gain of a cause with dozens of plays of its own: they mend what a grid of thresholds gets wrong of any loop,
 # so that less is no finding.
 RICH_GAIN = 0.16
@@ -110,7 +110,7 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
         lost = winner.held_gain - other.held_gain
         generalizes = cause_classes()[other.cause].generalizes == winner.cause
         is_richer = other.n_free > winner.n_free and not generalizes
-        if is_richer or learnt < 0.0 or lost > max(learnt, _HARDLY):
+        if is_richer or learnt < 0.0 or lost > max(learnt, HARDLY):
             continue
         if generalizes and not is_surely_better(other, winner):
             continue
@@ -125,10 +125,8 @@ def _explains_events(other: Candidate, winner: Candidate, split: DataSplit) -> b
     It has no place in a record to choose. The other was scored on blocks of the records it was fitted to: of the two
     training speaks alone, and each parameter costs what it gains by itself (Schwarz, 1978). Plays bend to anything.
     """
-    if other.brings_plays:
-        return False
-    cost = 2.0 * _cost_of_parameters(winner, other, _n_effective(other.fitted, split))
-    return sure_gain(winner.fitted, other.fitted, split) - max(cost, 0.0) > SURE
+    is_surely_less = sure_gain(winner.fitted, other.fitted, split) > SURE
+    return is_surely_less and not other.brings_plays and is_likelier_with_fewer(other, winner, split)
 
 
 def is_likelier_with_fewer(other: Candidate, winner: Candidate, split: DataSplit) -> bool:

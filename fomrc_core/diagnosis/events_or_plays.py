@@ -11,13 +11,11 @@ from concurrent.futures import Executor
 
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import is_accepted, is_finding, is_likelier_with_fewer
+from fomrc_core.diagnosis.decision import HARDLY, is_accepted, is_finding, is_likelier_with_fewer
 from fomrc_core.diagnosis.pair_search import score_of_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import sought_again
 from fomrc_core.errors import ParameterError
-
-_HARDLY = 0.15  # in the logarithm of the mean squared error held out: no difference from one stretch to another
 
 
 def events_in_place_of_plays(
@@ -53,6 +51,6 @@ def events_in_place_of_plays(
             continue
         if not is_likelier_with_fewer(event, winner, split) or not is_finding(event, split, n_causes):
             continue
-        if score_of_pair(winner.fitted.model, fitted.model, split).log_gain > -_HARDLY:
+        if score_of_pair(winner.fitted.model, fitted.model, split).log_gain > -HARDLY:
             return event
     return winner
