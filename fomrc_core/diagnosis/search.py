@@ -117,8 +117,10 @@ def search(
                 at, rival = look.better
                 # it was found beside all the others
                 beside = (state.steps[:at], state.steps[at + 1 :])
-                state = with_rival(state, at, rival, beside, split, executor)
-                continue
+                changed = with_rival(state, at, rival, beside, split, executor)
+                if not _ends_worse(changed, state, split):
+                    state = changed
+                    continue
             # what is told beside a wrong name says little of pairs: it is put right first
             if has_room:
                 chosen = any_pair(among)
@@ -161,6 +163,17 @@ def _last_look(
     # what belongs to single records is followed in the held-out ones, too: else it would hide all else there
     final = replace(state.final, model=state.model)
     return looked_at_last(state.steps, final, split, causes, executor, may_ask=may_ask)
+
+
+def _ends_worse(changed: SearchState, state: SearchState, split: DataSplit) -> bool:
+    """Return whether an exchange, all that followed from it done, leaves surely more in training and more held out.
+
+    What was found beside the one may go beside the other, and with it more than the exchange had gained.
+    """
+    if sure_gain(changed.final, state.final, split) <= SURE:
+        return False
+    held = held_out_score(held_residuals(state.model, split.held), held_residuals(changed.model, split.held))
+    return held.log_gain < 0.0
 
 
 def _asked(

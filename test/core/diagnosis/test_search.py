@@ -20,7 +20,7 @@ from fomrc_core.effects.intermittent_contact import IntermittentContact
 from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
-from fomrc_core.fitting.joint_fit import Refit
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
@@ -83,6 +83,24 @@ def test_what_leaves_surely_less_than_events_of_a_record_is_likelier_than_they_a
     # as much by four parameters more than the times are is chance
     assert _named(split, opened, _contender(split, "creep_law", 2.101, 0.5, n_free=8)) == "intermittent_contact"
     assert _named(split, opened, _contender(split, "amplifier_saturation", 1.9, 2.2)) == "intermittent_contact"
+
+
+def test_an_exchange_that_ends_worse_in_training_and_held_out_is_none(split: DataSplit) -> None:
+    base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+    before = refit(base, split.train)
+    off = replace(base, weights=0.9 * before.model.weights)
+    left_um = tuple(9.0 * values for values in before.residual)
+    worse = replace(before, model=off, squared_error=81.0 * before.squared_error, residual=left_um)
+
+    def state(model: TrialModel, fitted: Refit) -> SearchState:
+        return SearchState(model, (), fitted, frozenset())
+
+    was = state(before.model, before)
+    assert search._ends_worse(state(off, worse), was, split)
+    assert not search._ends_worse(was, state(off, worse), split)
+    # where either record speaks for it, it is made
+    assert not search._ends_worse(state(off, before), was, split)
+    assert not search._ends_worse(state(before.model, worse), state(off, before), split)
 
 
 def test_more_parameters_are_no_likelier_cause(split: DataSplit) -> None:
