@@ -17,29 +17,19 @@ from fomrc_core.fitting.joint_fit import fit_until_still
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording
+from test.core.driven_plays import states_of_plays, sum_of_lines
 
 _RATE_HZ, _N, _NOISE_UM = 200.0, 2400, 0.004
 _THRESHOLDS_V = np.array([0.0, 0.3, 0.6, 0.9, 1.3])
 _WEIGHTS = np.array([1.0, 0.2, 0.2, 0.2, 0.2])
 
 
-def _played(path_v: np.ndarray, plays_v: np.ndarray) -> np.ndarray:
-    states = np.empty((path_v.size, plays_v.size))
-    for k, drive_v in enumerate(path_v):
-        plays_v = np.clip(plays_v, drive_v - _THRESHOLDS_V, drive_v + _THRESHOLDS_V)
-        states[k] = plays_v
-    return states
-
-
 def _measured(seed: int, extreme_v: float, one_sided: float) -> Recording:
     """Return a stage that had gone to a voltage and back before, or whose plays count more above zero."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(_N) / _RATE_HZ
-    lines_hz, phases = rng.uniform(0.2, 2.0, 8), rng.uniform(0.0, 2.0 * np.pi, 8)
-    sines = np.sum(np.sin(2.0 * np.pi * lines_hz[:, None] * time_s + phases[:, None]), axis=0)
-    drive_v = 0.35 * np.minimum(time_s / 6.0, 1.0) * sines
-    before_v = np.concatenate((np.linspace(0.0, extreme_v, 200), np.linspace(extreme_v, 0.0, 200)))
-    plays_v = _played(drive_v, _played(before_v, np.zeros(_THRESHOLDS_V.size))[-1])
+    drive_v = 0.35 * np.minimum(time_s / 6.0, 1.0) * sum_of_lines(rng, time_s, 0.2, 2.0)
+    plays_v = states_of_plays(_THRESHOLDS_V, drive_v, extreme_v)
     moved_um = plays_v @ _WEIGHTS + one_sided * np.sum(np.maximum(plays_v[:, 1:4], 0.0), axis=1)
     return Recording(time_s, drive_v, moved_um + rng.normal(0.0, _NOISE_UM, _N))
 

@@ -21,6 +21,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.excitation import multisine
 from fomrc_core.records.recording import Recording
+from test.core.driven_plays import states_of_plays, sum_of_lines
 
 _NOISE_UM = 1e-3
 _PLAIN = TrialModel(ColumnKinds.plays(np.array([0.0, 0.3])), np.array([1.5, 0.3]), 0.0, (), ((),))
@@ -73,13 +74,9 @@ def _one_sided(seed: int) -> Recording:
     """Return a stage whose plays count more above zero."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(2400) / 200.0
-    lines_hz, phases = rng.uniform(0.2, 2.0, 8), rng.uniform(0.0, 2.0 * np.pi, 8)
-    sines = np.sum(np.sin(2.0 * np.pi * lines_hz[:, None] * time_s + phases[:, None]), axis=0)
-    drive_v = 0.35 * np.minimum(time_s, 1.0) * sines
-    thresholds_v, plays_v, moved_um = np.array([0.0, 0.3, 0.6]), np.zeros(3), np.empty(time_s.size)
-    for k, now_v in enumerate(drive_v):
-        plays_v = np.clip(plays_v, now_v - thresholds_v, now_v + thresholds_v)
-        moved_um[k] = 1.2 * plays_v[0] + 0.3 * np.sum(plays_v[1:]) + 0.2 * np.sum(np.maximum(plays_v[1:], 0.0))
+    drive_v = 0.35 * np.minimum(time_s, 1.0) * sum_of_lines(rng, time_s, 0.2, 2.0)
+    plays_v = states_of_plays(np.array([0.0, 0.3, 0.6]), drive_v)
+    moved_um = plays_v @ np.array([1.2, 0.3, 0.3]) + 0.2 * np.sum(np.maximum(plays_v[:, 1:], 0.0), axis=1)
     return Recording(time_s, drive_v, moved_um + rng.normal(0.0, _NOISE_UM, time_s.size))
 
 

@@ -17,6 +17,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.records.recording import Recording
+from test.core.driven_plays import states_of_plays, sum_of_lines
 
 _RATE_HZ, _N, _NOISE_UM = 200.0, 3000, 0.004
 _THRESHOLDS_V = np.array([0.0, 0.4, 0.8, 1.2, 1.8])
@@ -24,27 +25,12 @@ _WEIGHTS = np.array([1.0, 0.3, 0.3, 0.3, 0.3])
 _PLAIN = TrialModel(ColumnKinds.plays(_THRESHOLDS_V), _WEIGHTS, 0.0, (), ((), ()))
 
 
-def _played(path_v: np.ndarray, plays_v: np.ndarray) -> np.ndarray:
-    """Return where plays end up at each sample of a path [V], shape (n_samples, n_plays)."""
-    states = np.empty((path_v.size, plays_v.size))
-    for k, drive_v in enumerate(path_v):
-        plays_v = np.clip(plays_v, drive_v - _THRESHOLDS_V, drive_v + _THRESHOLDS_V)
-        states[k] = plays_v
-    return states
-
-
 def _measured(seed: int, extreme_v: float, drift_um: float) -> Recording:
     rng = np.random.default_rng(seed)
     time_s = np.arange(_N) / _RATE_HZ
-    lines_hz, phases = rng.uniform(0.05, 1.0, 8), rng.uniform(0.0, 2.0 * np.pi, 8)
-    sines = np.sum(np.sin(2.0 * np.pi * lines_hz[:, None] * time_s + phases[:, None]), axis=0)
-    drive_v = 0.6 * np.minimum(time_s / 3.0, 1.0) * sines
-    before_v = np.concatenate((np.linspace(0.0, extreme_v, 200), np.linspace(extreme_v, 0.0, 200)))
-    began_v = _played(before_v, np.zeros(_THRESHOLDS_V.size))[-1]
-    moved_um = _played(drive_v, began_v) @ _WEIGHTS
-    return Recording(
-        time_s, drive_v, moved_um + drift_um * time_s / time_s[-1] + rng.normal(0.0, _NOISE_UM, time_s.size)
-    )
+    drive_v = 0.6 * np.minimum(time_s / 3.0, 1.0) * sum_of_lines(rng, time_s, 0.05, 1.0)
+    moved_um = states_of_plays(_THRESHOLDS_V, drive_v, extreme_v) @ _WEIGHTS + drift_um * time_s / time_s[-1]
+    return Recording(time_s, drive_v, moved_um + rng.normal(0.0, _NOISE_UM, _N))
 
 
 def _split(seed: int, extreme_v: float, drift_um: float) -> DataSplit:
