@@ -85,7 +85,7 @@ def looked_at_last(
         if (is_bound and was_sure) or not final.model.has(name):
             continue
         if not may_ask():
-            looked[at] = replace(step, margin=math.nan, whitened_margin=math.nan)
+            looked[at] = step.uncompared()
             continue
         own, candidates, left_out = _in_place_of(step, steps, final, split, causes, executor)
         anew = next((c for c in candidates if c.cause == name), None)

@@ -121,6 +121,8 @@ def search(
                 if not _ends_worse(changed, state, split):
                     state = changed
                     continue
+                # the look ended at what is not to be exchanged, and compared no other
+                look = replace(look, steps=tuple(step.uncompared() for step in look.steps))
             # what is told beside a wrong name says little of pairs: it is put right first
             if has_room:
                 chosen = any_pair(among)
@@ -271,7 +273,7 @@ def _with_finding(
     in_form = in_best_form(final, split, executor) if state.steps else final
     if in_form is not final:
         # those it was compared with stood beside another form: the last look compares it anew
-        final, step = in_form, replace(step, margin=math.nan, whitened_margin=math.nan)
+        final, step = in_form, step.uncompared()
     for name in sorted(_sought_again_beside(accepted, final.model, split)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})

@@ -56,6 +56,10 @@ class Step:
             model.as_before(self.before, self.accepted.cause), split.train, n_iterations=_WITHOUT, executor=executor
         )
 
+    def uncompared(self) -> Step:
+        """Return the step without margins: what it was likelier than, others still hidden, says nothing beside them."""
+        return replace(self, margin=math.nan, whitened_margin=math.nan)
+
     def tied_with(self, tied: list[Candidate]) -> Step:
         """Return the step with these ties."""
         return replace(self, tied=tuple(c.cause for c in tied), tied_models=tuple(c.fitted.model for c in tied))

@@ -20,6 +20,14 @@ def test_a_tie_with_what_was_found_as_well_is_none():
     assert math.isnan(step.margin), "not compared, it has no margin"
 
 
+def test_what_is_left_uncompared_has_no_margin_and_stays_as_it_is_else():
+    models: Any = ("with a",)
+    step = Step(None, None, ("a",), models, margin=12.0, whitened_margin=9.0).uncompared()  # type: ignore[arg-type]
+    assert math.isnan(step.margin)
+    assert math.isnan(step.whitened_margin)
+    assert step.tied == ("a",)
+
+
 @pytest.mark.parametrize(
     ("cause", "margin", "tied", "is_bound", "is_beaten"),
     [
