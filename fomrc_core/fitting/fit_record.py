@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.work_tally import WorkTally
 from fomrc_core.effects import Covariates
+from fomrc_core.model.divided_drive import KeptDivisions
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import shortest_time_for
@@ -37,6 +38,7 @@ class FitRecord:
         covariates: what was recorded beside drive and displacement.
         substeps: how finely the steps of the drive are divided, whatever the model.
         tally: how much has been simulated of it, in whatever choice of samples.
+        divisions: of its drive, as it was divided last.
     """
 
     recording: Recording
@@ -48,6 +50,7 @@ class FitRecord:
     covariates: Covariates
     substeps: Substeps = Substeps.NONE
     tally: WorkTally = field(default_factory=WorkTally)
+    divisions: KeptDivisions = field(default_factory=KeptDivisions)
 
     @classmethod
     def of(

@@ -21,13 +21,8 @@ from fomrc_core.fitting.trial_model import (
     predict,
     relaxed_trial,
 )
-from fomrc_core.model.simulation import (
-    ElementDrive,
-    before_record,
-    displacement_of_parts,
-    drive_at_elements,
-    of_stage,
-)
+from fomrc_core.model.divided_drive import ElementDrive
+from fomrc_core.model.simulation import before_record, displacement_of_parts, drive_at_elements, of_stage
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import creep_modes
 

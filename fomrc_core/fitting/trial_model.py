@@ -15,8 +15,16 @@ from fomrc_core.effects import Effect, Stage, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.model.divided_drive import ElementDrive
 from fomrc_core.model.prehistory import Prehistory
-from fomrc_core.model.simulation import Before, ElementDrive, Passage, pass_chain, relaxed_state, settle_chain
+from fomrc_core.model.simulation import (
+    Before,
+    Passage,
+    gone_on_from,
+    pass_chain,
+    relaxed_state,
+    settle_chain,
+)
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import N_MODES, SHORTEST_TIME_S, CreepModes, creep_modes
@@ -25,6 +33,7 @@ from fomrc_core.operators.hysteresis import OperatorSum
 # Of the creep modes, at the worst order; the error is in proportion to the order, so at 0.02 it is some 1e-6.
 FIT_ACCURACY = 1e-4
 OPERATIONS_OF_EFFECT = 16  # a part of a step costs an effect about as much as so many plays or modes
+_OPERATIONS_OF_RUN = 300_000  # what a run costs beside: of a short record, or of its sensor alone, that is most
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,25 +243,28 @@ def predict_passing(
     beat("simulations")
     effects = trial.effects_in(index)
     is_coarser = is_coarse and record.substeps is Substeps.BENDS and not needs_rate_within_steps(effects)
+    substeps = Substeps.DIRECTIONS if is_coarser else _of_fit(record.substeps)
+    before = gone_on_from(before, effects, record.steps_s, substeps)
+    since = Stage.SAMPLED_DRIVE if before is None else before.since
     state, at_creep = relaxed_trial(trial, effects)
     start = trial.start_of(index)
-    if start is not None:
+    if start is not None and since <= Stage.MECHANICAL:  # no effect on the sensor acts before a record
         settle_chain(state, at_creep, effects, start.drive(), _of_fit(record.substeps))
     seen_um, passage = pass_chain(
         state,
         at_creep,
         effects,
         ElementDrive(record.steps_s, record.voltage_v, None),
-        substeps=Substeps.DIRECTIONS if is_coarser else _of_fit(record.substeps),
+        substeps=substeps,
         covariates=record.covariates,
         before=before,
+        kept=record.divisions,
     )
     # what was taken from the run before was not simulated again
-    since = Stage.SAMPLED_DRIVE if before is None else before.since
     n_parts = record.time_s.size if since > Stage.MECHANICAL else passage.moved_um.size
     n_plays = 0 if since > Stage.HYSTERESIS else trial.columns.thresholds_v.size
     n_modes = 0 if since > Stage.HYSTERESIS else int(state.packed[at_creep + N_MODES])
-    record.tally.add(n_parts * (n_plays + n_modes + OPERATIONS_OF_EFFECT * len(effects)))
+    record.tally.add(_OPERATIONS_OF_RUN + n_parts * (n_plays + n_modes + OPERATIONS_OF_EFFECT * len(effects)))
     return seen_um, passage
 
 

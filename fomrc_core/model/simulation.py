@@ -14,41 +14,14 @@ from numpy.typing import NDArray
 
 from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
+from fomrc_core.model.divided_drive import ElementDrive, KeptDivisions, divided_drive
 from fomrc_core.model.kernels import forward, forward_beside, forward_widened
 from fomrc_core.model.state import ModelState
-from fomrc_core.model.substeps import Substeps, held_parts, least_parts, means_of_parts, parts_of_steps, subdivide
+from fomrc_core.model.substeps import Substeps, least_parts
 from fomrc_core.operators.creep import CreepModes, creep_block
-from fomrc_core.operators.hysteresis import HEADER as PLAYS_HEADER
-from fomrc_core.operators.hysteresis import N_PLAYS, OperatorSum, hysteresis_block
+from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class ElementDrive:
-    """What the Maxwell elements see of a drive.
-
-    Attributes:
-        steps_s: step that leads to each part [s], shape (n_parts,).
-        voltage_v: voltage at the elements at the end of each part [V], shape (n_parts,).
-        ends: part that ends at each sample, shape (n_samples,); None where no step is divided.
-        widening: factor of the elements' thresholds at the end of each part, shape (n_parts,); None where it is one.
-        is_averaged: whether a sample reads the mean over its parts and not their end.
-    """
-
-    steps_s: Array
-    voltage_v: Array
-    ends: NDArray[np.int64] | None
-    widening: Array | None = None
-    is_averaged: bool = False
-
-    def at_samples(self, values: Array) -> Array:
-        """Return values of all parts, along the first axis, as they are read at the samples."""
-        if self.ends is None:
-            return values
-        if not self.is_averaged:
-            return values[self.ends]
-        return means_of_parts(values, self.ends)
 
 
 def relaxed_state(play_form: OperatorSum, modes: CreepModes, effects: Iterable[Effect]) -> tuple[ModelState, int]:
@@ -102,6 +75,15 @@ class Before:
     since: Stage
 
 
+def gone_on_from(
+    before: Before | None, effects: tuple[Effect, ...], steps_s: Array, substeps: Substeps
+) -> Before | None:
+    """Return the run before where a chain divides the steps alike, None where it must run from the beginning."""
+    if before is None or substeps is Substeps.DIRECTIONS:
+        return before  # a difference is of what is divided alike
+    return before if before.passage.n_least == least_parts(effects, steps_s, substeps) else None
+
+
 def drive_at_elements(
     state: ModelState,
     effects: tuple[Effect, ...],
@@ -121,7 +103,7 @@ def drive_at_elements(
         largest_v: largest threshold [V], where it is not that of the state's plays.
     """
     n_least = least_parts(effects, steps_s, substeps)
-    divided = _divided(state, effects, ElementDrive(steps_s, drive_v, None), substeps, n_least, largest_v)
+    divided = _divided(state, effects, ElementDrive(steps_s, drive_v, None), substeps, n_least, largest_v=largest_v)
     return _warped(state, effects, _driven(state, effects, divided))
 
 
@@ -131,31 +113,20 @@ def _divided(
     sampled: ElementDrive,
     substeps: Substeps,
     n_least: int,
+    *,
     largest_v: float | None = None,
+    kept: KeptDivisions | None = None,
 ) -> ElementDrive:
     """Return the drive after the effects at its samples, on the parts of the steps."""
-    # Many arguments: those of drive_at_elements, and into how many parts at least.
-    steps_s, drive_v = sampled.steps_s, sampled.voltage_v
-    is_held = False
-    for effect in of_stage(effects, Stage.SAMPLED_DRIVE):
-        drive_v = effect.run(state.effects[effect.name], drive_v, steps_s)
-        is_held = is_held or effect.holds
-    last_v, state.last_input = state.last_input, float(drive_v[-1])
-    ends = None
-    before_v = np.concatenate(([last_v], drive_v[:-1]))
-    if substeps is not Substeps.NONE:
-        if largest_v is None:
-            n_plays = int(state.packed[N_PLAYS])
-            largest_v = float(state.packed[PLAYS_HEADER + n_plays - 1]) if n_plays else float("inf")
-        if is_held and substeps is Substeps.FIT:
-            substeps = Substeps.BENDS  # every step is a jump, spread over one of its parts
-        parts, state.bend = parts_of_steps(drive_v - before_v, largest_v, n_least, substeps, state.bend)
-        if np.any(parts > 1):
-            steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)
-            drive_v = held_parts(before_v, drive_v, parts) if is_held else fine_v
-    if is_held and ends is None:
-        drive_v = 0.5 * (before_v + drive_v)
-    return ElementDrive(steps_s, drive_v, ends, is_averaged=is_held)
+    # Many arguments: those of drive_at_elements, into how many parts at least, and what was divided before.
+    at_samples = of_stage(effects, Stage.SAMPLED_DRIVE)
+    if not at_samples and kept is not None:
+        return kept.of(state, sampled, substeps, n_least, largest_v)
+    drive_v = sampled.voltage_v
+    for effect in at_samples:
+        drive_v = effect.run(state.effects[effect.name], drive_v, sampled.steps_s)
+    is_held = any(effect.holds for effect in at_samples)
+    return divided_drive(state, replace(sampled, voltage_v=drive_v), substeps, n_least, largest_v, is_held=is_held)
 
 
 def _driven(state: ModelState, effects: tuple[Effect, ...], divided: ElementDrive) -> ElementDrive:
@@ -246,6 +217,7 @@ def pass_chain(
     substeps: Substeps,
     covariates: Covariates = NO_COVARIATES,
     before: Before | None = None,
+    kept: KeptDivisions | None = None,
 ) -> tuple[Array, Passage]:
     """Return the displacement [um] a chain gives, shape (n_samples,), and what its stages handed on.
 
@@ -256,19 +228,16 @@ def pass_chain(
         sampled: the drive at the samples.
         substeps: how steps are divided.
         covariates: what is known beside the drive.
-        before: the run to go on from; None where there is none.
+        before: the run to go on from, see ``gone_on_from``; None where there is none.
+        kept: divisions of this drive before; None where nobody keeps them.
     """
-    # Many arguments: those of run_chain, and the run before.
-    n_least = least_parts(effects, sampled.steps_s, substeps)
+    # Many arguments: those of run_chain, the run before and the divisions kept.
     known, since = (None, Stage.SAMPLED_DRIVE) if before is None else (before.passage, before.since)
-    if known is not None and substeps is Substeps.DIRECTIONS:
-        n_least = known.n_least  # a difference is of what is divided alike
-    if known is not None and known.n_least != n_least:
-        known = None
+    n_least = least_parts(effects, sampled.steps_s, substeps) if known is None else known.n_least
     if known is not None and since > Stage.SAMPLED_DRIVE:
         divided = known.divided
     else:
-        divided = _divided(state, effects, sampled, substeps, n_least)
+        divided = _divided(state, effects, sampled, substeps, n_least, kept=kept)
     driven = known.driven if known is not None and since > Stage.DRIVE else _driven(state, effects, divided)
     if known is not None and since > Stage.HYSTERESIS:
         elements, moved_um = known.elements, known.moved_um

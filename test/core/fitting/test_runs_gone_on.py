@@ -15,6 +15,7 @@ from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict, predict_passing
+from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import Before
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.records.recording import Recording
@@ -36,15 +37,19 @@ OTHERS = (
 )
 
 
+STARTS = (None, Prehistory.long_rest(0.6))
+
+
+@pytest.mark.parametrize("start", STARTS, ids=["relaxed", "past"])
 @pytest.mark.parametrize("other", OTHERS, ids=lambda effect: effect.name)
 @pytest.mark.parametrize("substeps", [Substeps.NONE, Substeps.BENDS])
-def test_going_on_gives_the_same_bits(other: Effect, substeps: Substeps) -> None:
+def test_going_on_gives_the_same_bits(other: Effect, substeps: Substeps, start: Prehistory | None) -> None:
     steps = np.random.default_rng(2).normal(0.0, 0.1, 400)
     voltage_v = np.sin(0.05 * np.arange(400)) + np.cumsum(np.where(np.arange(400) % 40, 0.0, steps))
     recording = Recording(2e-3 * np.arange(400), voltage_v, np.zeros(400))
     record = FitRecord.of(recording, substeps=substeps)
     plays = ColumnKinds.plays(np.array([0.0, 0.1, 0.4, 1.0]))
-    trial = TrialModel(plays, np.array([1.5, 0.3, 0.4, 0.3]), 0.02, EFFECTS, ((),))
+    trial = TrialModel(plays, np.array([1.5, 0.3, 0.4, 0.3]), 0.02, EFFECTS, ((),), (start,))
     _, passage = predict_passing(trial, record, 0)
     changed = trial.with_cause(other)
     gone_on, _ = predict_passing(changed, record, 0, before=Before(passage, other.stage))
