@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
+from fomrc_core.diagnosis.between_knees import repeats_between_knees
 from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
@@ -277,7 +278,8 @@ def _with_finding(
     for name in sorted(_sought_again_beside(accepted, final.model, split)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
-    if comes_with_the_start(found.model, split, accepted.cause):
+    is_of_model = repeats_between_knees(found.model, split, accepted.cause)
+    if is_of_model or comes_with_the_start(found.model, split, accepted.cause):
         return replace(state, tried=found.tried)
     found = pruned(found, split, executor)
     if accepted.is_bound and found.steps and found.steps[-1].accepted is accepted:
