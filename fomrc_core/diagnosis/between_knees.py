@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
-from fomrc_core.effects.cyclic_sensor_error import CyclicSensorError
 from fomrc_core.fitting.trial_model import TrialModel
 
 # Of the way between knees. An arc is a line at the knees' spacing with little in the harmonics, the second a quarter
@@ -27,11 +25,12 @@ def repeats_between_knees(model: TrialModel, split: DataSplit, cause: str) -> bo
         split: records.
         cause: its name.
     """
-    error = next((e for e in model.effects if e.name == cause and isinstance(e, CyclicSensorError)), None)
-    plays = next((e for e in model.effects if isinstance(e, AsymmetricHysteresis)), None)
-    if error is None or plays is None or len(plays.knees_v) < 2:
+    effects = model.actuator_effects()
+    cycle_um = max((effect.cycle_um for effect in effects if effect.name == cause), default=0.0)
+    knees_v = np.unique(np.concatenate([effect.plays()[1] for effect in effects] or [np.zeros(0)]))
+    if not cycle_um > 0.0 or knees_v.size < 2:
         return False
-    spacing_v = float(np.max(np.diff(np.unique(plays.knees_v)), initial=0.0))
+    spacing_v = float(np.max(np.diff(knees_v)))
     moved_um = max(float(np.ptp(record.measured_um[record.is_used])) for record in split.train)
     driven_v = max(float(np.ptp(record.voltage_v)) for record in split.train)
-    return error.period_um > _SHORTEST * spacing_v * moved_um / driven_v
+    return cycle_um > _SHORTEST * spacing_v * moved_um / driven_v

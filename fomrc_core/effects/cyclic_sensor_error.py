@@ -84,6 +84,11 @@ class CyclicSensorError(Effect):
     second_cosine_um: float = 0.0
 
     @property
+    def cycle_um(self) -> float:
+        """Period of the error [um]."""
+        return self.period_um
+
+    @property
     def _terms(self) -> Array:
         return np.array([getattr(self, name) for name in _TERMS])
 

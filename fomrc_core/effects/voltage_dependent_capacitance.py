@@ -18,7 +18,7 @@ from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateFi
 
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
 _BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
-_MOST_PARTS = 16
+_MOST_PARTS = 64
 _LAGS = (0.15, 1.0, 8.0, 60.0)  # of trials, in samples: a lag of a part of a sample shows as well
 
 

@@ -8,6 +8,7 @@ __all__ = [
     "axes",
     "causes",
     "compensator",
+    "divided_drive",
     "dynamic_inverse",
     "influence_matrix",
     "kernels",

@@ -295,6 +295,11 @@ class Effect(Cause):
         """Return what the terms depend on, in words with "; on " between, the weightiest first; "" where none are."""
         return ""
 
+    @property
+    def cycle_um(self) -> float:
+        """Way of the displacement after which what it adds comes again [um]; 0 where it does not."""
+        return 0.0
+
     def plays(self) -> tuple[Array, Array, Array]:
         """Return thresholds [V], knees [V] and weights [um/V] of its plays, for effects that own columns.
 

@@ -14,7 +14,11 @@ from fomrc_core.effects.base.effect import Effect, Stage
 from fomrc_core.effects.base.linear_columns import through_pairs
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm
 
-_FLAT = math.sqrt(0.5)  # damping ratio from which on a response has no peak
+# Of a response, over what it is at rest: one that peaks by less is a lag of two poles to whoever looks. The sharpest of
+# those (Butterworth's) is just where peaks end, so that every other fit to one would come out as a resonance.
+_LEAST_PEAK = 1.01
+# The damping ratio d of that: the peak is 1 / (2 d sqrt(1 - d^2)).
+_FLAT = math.sqrt(0.5 * (1.0 - math.sqrt(1.0 - _LEAST_PEAK**-2)))
 
 # Of what rings at a third of the sample rate a straight line over a fifth of a sample is 2 % off, over a twentieth
 # 0.1 %.

@@ -13,7 +13,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording
 
-_PLAIN = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), (), ()))
+_ELEMENTS = ColumnKinds.plays(np.array([0.0]))
 _KNEES = tuple(np.linspace(-0.8, 0.8, 9).tolist())  # ten stretches over -1 V to 1 V
 _NAME = "cyclic_sensor_error"
 
@@ -45,16 +45,17 @@ def test_the_period_that_knees_leave_is_theirs_and_a_finer_one_is_the_sensors(sc
     plays = AsymmetricHysteresis((0.1,) * 9, _KNEES, (0.1,) * 9)
     moved_um = scale * float(np.ptp(_smooth_loop(np.array([-1.0, 1.0]))))
 
-    def told(period_um: float, *others: AsymmetricHysteresis) -> bool:
-        model = _PLAIN.with_cause(CyclicSensorError(period_um=period_um, sine_um=1e-3 * scale))
-        for other in others:
-            model = model.with_cause(other)
-        return repeats_between_knees(model, split, _NAME)
+    def told(period_um: float, other: AsymmetricHysteresis, name: str = _NAME) -> bool:
+        # as a search holds it: plays in the columns of the linear part, the rest in the effect
+        columns = _ELEMENTS.joined(ColumnKinds.plays_of(other))
+        error = CyclicSensorError(period_um=period_um, sine_um=1e-3 * scale)
+        bare = AsymmetricHysteresis(warp_per_v=other.warp_per_v)
+        weights = np.ones(columns.thresholds_v.size)
+        return repeats_between_knees(TrialModel(columns, weights, 0.0, (bare, error), ((), (), ())), split, name)
 
     left_um = _line_left_by_knees() * moved_um / 2.0
     assert left_um == pytest.approx(0.1 * moved_um, rel=0.3)
     assert told(left_um, plays)
     assert not told(0.2 * left_um, plays)
-    assert not told(left_um)  # no knees, no arcs
-    assert not told(left_um, AsymmetricHysteresis(warp_per_v=0.1))
-    assert not repeats_between_knees(_PLAIN.with_cause(plays), split, "asymmetric_hysteresis")
+    assert not told(left_um, AsymmetricHysteresis(warp_per_v=0.1))  # no knees, no arcs
+    assert not told(left_um, plays, plays.name)

@@ -161,3 +161,20 @@ def test_equal_models_do_not_lose_to_each_other() -> None:
     noise = rng.standard_normal(20_000)
     assert loses_to([noise], [noise + 1e-3 * rng.standard_normal(20_000)]) > 0.01
     assert loses_to([noise], [noise + 0.5 * np.sin(np.arange(20_000) / 30.0)]) < 1e-6
+
+
+def test_one_jump_that_a_model_misses_does_not_hide_that_it_loses_everywhere() -> None:
+    rng = np.random.default_rng(12)
+    noise, n = rng.standard_normal(20_000), 400
+    late = 0.7 * np.sin(np.arange(20_000) / 30.0)
+    late[9_000:9_030] += 400.0
+    assert loses_to([noise], [noise + late]) < 1e-6
+    # where nothing but the jump is missed one moment is all there is
+    jump = np.where(np.abs(np.arange(20_000) - 9_015) < 15, 400.0, 0.0)
+    assert loses_to([noise], [noise + jump]) > 0.01
+    # of two that are equally good, bursts and all, as many lose as the level says
+    lost = 0
+    for _ in range(n):
+        one, two = (rng.standard_normal(4_000) * np.where(rng.random(4_000) < 0.01, 20.0, 1.0) for _ in range(2))
+        lost += loses_to([one], [two]) < 0.05
+    assert lost < 0.05 * n + 3.0 * np.sqrt(0.05 * 0.95 * n)
