@@ -56,7 +56,9 @@ def with_rival(
         split: records.
         executor: runs refits side by side where given.
     """
-    steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *beside[1])
+    # what stands behind was likelier than others beside the one that goes: that says nothing beside the other
+    behind = (step if step.accepted.is_bound else step.uncompared() for step in beside[1])
+    steps = (*beside[0], Step(state.steps[at].before, rival, (), ()), *behind)
     final = in_best_form(fit_until_still(rival.fitted.model, split.train, executor), split, executor)
     for name in sorted({cause.name for at, cause in final.model.found() if at is not None}):
         # they were found beside what stood there before

@@ -14,6 +14,7 @@ from fomrc_core.diagnosis.search_state import SearchState, pruned, with_rival, w
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.external_load import ExternalLoad
+from fomrc_core.effects.sensor_nonlinearity import SensorNonlinearity
 from fomrc_core.effects.slow_relaxation import SlowRelaxation
 from fomrc_core.effects.thermal_drift import ThermalDrift
 from fomrc_core.effects.transport_delay import TransportDelay
@@ -56,6 +57,32 @@ def test_what_had_mended_the_one_goes_where_another_takes_its_place() -> None:
     assert [step.accepted.cause for step in after.steps] == ["transport_delay"]
     assert not after.model.has("slow_relaxation")
     assert after.final.squared_error < 1.1 * _NOISE_UM**2 * split.n_used
+
+
+def test_what_was_compared_beside_the_one_is_not_compared_beside_another() -> None:
+    plain = _split()
+    bent = [
+        Recording(r.time_s, r.voltage_v, r.measured_um + 0.01 * r.measured_um**2)
+        for r in (plain.train[0].recording, plain.held[0].record.recording)
+    ]
+    split = split_data((bent[0],), bent[1], None, _NOISE_UM)
+    base = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
+
+    def found(before: TrialModel, model: TrialModel, cause: str) -> Candidate:
+        fitted = fit_until_still(model, split.train, None)
+        return candidate_of(PresentModel.of(before, split), split, cause, fitted, bound=False)
+
+    curve = SensorNonlinearity(0.01, 0.0)
+    lag = found(base, base.with_cause(AmplifierBandwidth(20.0)), "amplifier_bandwidth")
+    second = found(lag.fitted.model, lag.fitted.model.with_cause(curve), "sensor_nonlinearity")
+    last = Step(lag.fitted.model, second, (), (), margin=-5.0, whitened_margin=-900.0)  # a rival bent to the lag's rest
+    state = SearchState(second.fitted.model, (Step(base, lag, (), ()), last), second.fitted, frozenset())
+    curved = base.with_cause(curve)
+    rival = found(curved, curved.with_cause(TransportDelay(_DELAY / _RATE_HZ)), "transport_delay")
+    after = with_rival(state, 0, rival, ((), (last,)), split, None)
+    assert [step.accepted.cause for step in after.steps] == ["transport_delay", "sensor_nonlinearity"]
+    assert np.isnan(after.steps[-1].margin)
+    assert np.isnan(after.steps[-1].whitened_margin)
 
 
 def _left_in_the_end(drift_um: float, seed: int) -> list[str]:
