@@ -31,7 +31,8 @@ def with_kin(
             continue
         own = _begun_where_it_is(winner, name, parameters, present, split)
         known = next((c for c in candidates if c.cause == name), None)
-        if own is None or (known is not None and known.fitted.squared_error <= own.fitted.squared_error):
+        # of two forms that leave alike in training held-out data know which is right
+        if own is None or (known is not None and known.total_gain >= own.total_gain):
             continue
         candidates = sorted(
             [*(c for c in candidates if c is not known), own], key=lambda candidate: -candidate.total_gain

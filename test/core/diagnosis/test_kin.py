@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis.candidate import candidate_of
+from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
-from fomrc_core.diagnosis.decision import margin_of
+from fomrc_core.diagnosis.decision import likelier, margin_of
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects import Effect, effect_classes
@@ -67,6 +67,31 @@ def test_the_special_case_is_begun_where_the_general_one_has_come_to(split: Data
     assert with_kin(winner, [winner, own], present, split, _ASKED) == [winner, own]
     beside = PresentModel.of(own.fitted.model, split)
     assert with_kin(winner, [winner], beside, split, _ASKED) == [winner]
+
+
+def test_of_two_forms_that_leave_alike_in_training_held_out_data_say_which(split: DataSplit) -> None:
+    present = PresentModel.of(_PLAIN, split)
+    fitted = refit(_PLAIN.with_cause(UnequalLag(0.12, 0.12)), split.train)
+    winner = candidate_of(present, split, "unequal_lag", fitted, bound=False)
+    own = next(c for c in with_kin(winner, [winner], present, split, _ASKED) if c.cause == "amplifier_bandwidth")
+
+    def changed(held_log_gain: float, train_log_gain: float) -> Candidate:
+        error = own.fitted.squared_error * math.exp(-train_log_gain)
+        return replace(
+            own,
+            fitted=replace(own.fitted, squared_error=error),
+            score=replace(own.score, log_gain=own.score.log_gain + held_log_gain),
+            train_log_gain=own.train_log_gain + train_log_gain,
+        )
+
+    wrong_form = changed(-1.0, 1e-4)
+    found = with_kin(winner, [winner, wrong_form], present, split, _ASKED)
+    assert wrong_form not in found
+    assert own.score == next(c for c in found if c.cause == own.cause).score
+    # the same of two causes: twice as much left of data that neither was fitted to is no noise
+    for held, train, is_told in ((-1.0, -1e-5, True), (-0.3, -1e-5, False), (-1.0, 1e-5, False)):
+        other_first = replace(changed(held, train), cause="transport_delay")
+        assert likelier(other_first, [other_first, own], split, 10) is (own if is_told else other_first)
 
 
 def test_what_does_no_better_than_its_kin_is_not_sure_because_that_was_not_asked_for(split: DataSplit) -> None:
