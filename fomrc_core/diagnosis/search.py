@@ -278,8 +278,8 @@ def _with_finding(
     for name in sorted(_sought_again_beside(accepted, final.model, split)):
         final = sought_again(final, split, name, executor)
     found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
-    is_of_model = repeats_between_knees(found.model, split, accepted.cause)
-    if is_of_model or comes_with_the_start(found.model, split, accepted.cause):
+    is_of_plays = repeats_between_knees(found.model, split, accepted.cause)
+    if is_of_plays or comes_with_the_start(found.model, split, accepted.cause):
         return replace(state, tried=found.tried)
     found = pruned(found, split, executor)
     if accepted.is_bound and found.steps and found.steps[-1].accepted is accepted:

@@ -15,6 +15,7 @@ from fomrc_core.operators.hysteresis import N_PLAYS
 Array = NDArray[np.float64]
 
 _MOST_KEPT = 3  # a fit goes between its residual, coarser directions, and a rival's finer parts
+_MOST_PARTS = 1_000_000  # of one that is kept: beyond, the room it takes is worth more than the time
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +72,17 @@ class KeptDivisions:
         self, state: ModelState, sampled: ElementDrive, substeps: Substeps, n_least: int, largest_v: float | None = None
     ) -> ElementDrive:
         """Return the drive on the parts of its steps, see ``divided_drive``; the state moves on as there."""
-        asked = (substeps, n_least, _largest_v(state, largest_v), state.last_input, state.bend)
+        largest_v = _largest_v(state, largest_v)
+        asked = (substeps, n_least, largest_v, state.last_input, state.bend)
         for kept in self._kept:
             is_same_drive = kept.sampled.voltage_v is sampled.voltage_v and kept.sampled.steps_s is sampled.steps_s
             if is_same_drive and kept.asked == asked:
                 state.last_input, state.bend = float(sampled.voltage_v[-1]), kept.bend_v
                 return kept.divided
         divided = divided_drive(state, sampled, substeps, n_least, largest_v)
-        # threads may lose what another has kept, and divide again
-        self._kept = (_Division(sampled, asked, divided, state.bend), *self._kept[: _MOST_KEPT - 1])
+        if divided.voltage_v.size <= _MOST_PARTS:
+            # threads may lose what another has kept, and divide again
+            self._kept = (_Division(sampled, asked, divided, state.bend), *self._kept[: _MOST_KEPT - 1])
         return divided
 
 

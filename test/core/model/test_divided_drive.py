@@ -66,6 +66,14 @@ def test_what_is_asked_for_again_is_not_divided_again() -> None:
     assert kept.of(_state(1.0, 0.0, 0.0), same_values, Substeps.BENDS, 1) is not first
 
 
+def test_a_long_drive_is_not_kept() -> None:
+    n = 150_000
+    drive, kept = ElementDrive(np.full(n, 1e-3), np.resize([0.0, 0.5], n), None), KeptDivisions()
+    first = kept.of(_state(1.0, 0.0, 0.0), drive, Substeps.BENDS, 1)
+    assert first.voltage_v.size > 1_000_000
+    assert kept.of(_state(1.0, 0.0, 0.0), drive, Substeps.BENDS, 1) is not first
+
+
 @pytest.mark.parametrize("substeps", [Substeps.BENDS, Substeps.FIT])
 def test_a_held_drive_is_read_as_the_mean_over_its_parts(substeps: Substeps) -> None:
     drive = _drive(0)
