@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from fomrc_core.effects.base.cause import Cause
-from fomrc_core.effects.base.effect import Effect
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred, squared_error
-from fomrc_core.fitting.trial_model import TrialModel, predict_passing
+from fomrc_core.fitting.trial_model import TrialModel, predict_passing, stage_of
 from fomrc_core.model.simulation import Before
 
 _MOVES = (8.0, 6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.5, 0.25, 0.125)  # samples a time is moved by
@@ -77,7 +76,8 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
     step_s = float(np.median(record.steps_s))
     changes_s = [sign * samples * step_s for samples in _MOVES for sign in (1.0, -1.0)]
     error, n_trials, is_better = _error(model, record, index), 0, True
-    before = _before(model, record, index, cause)  # of times alone, which move nothing that comes before the cause
+    # times move nothing that comes before their cause in the chain
+    before = Before(predict_passing(model.alone(index), record, 0)[1], stage_of(cause))
     while is_better and n_trials < _MOST_TRIALS:
         is_better = False
         for number in _numbers(cause, record):
@@ -142,13 +142,6 @@ def _is_seen(record: FitRecord, *times_s: float) -> bool:
     last = record.time_s.size - 1
     after = np.clip(np.searchsorted(record.time_s, times_s), 1, last)
     return bool(np.all(record.is_used[after]) and np.all(record.is_used[after - 1]))
-
-
-def _before(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Before | None:
-    """Return the run from which one goes on where this cause alone differs, None where all is to be run again."""
-    if not isinstance(cause, Effect):
-        return None
-    return Before(predict_passing(model.alone(index), record, 0)[1], cause.stage)
 
 
 def _error(model: TrialModel, record: FitRecord, index: int, before: Before | None = None) -> float:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.gauss_newton import Linearized, descend
 from fomrc_core.compute.least_squares import covariance_of, gram_of, normal_equations, product
-from fomrc_core.effects import Effect, Stage
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.base_fit import rebased
 from fomrc_core.fitting.fit_record import FitRecord
@@ -31,7 +30,7 @@ from fomrc_core.fitting.linear_part import (
     squared_error,
     tangent,
 )
-from fomrc_core.fitting.trial_model import TrialModel, predict_passing
+from fomrc_core.fitting.trial_model import TrialModel, predict_passing, stage_of
 from fomrc_core.model.simulation import Before, Passage
 
 Array = NDArray[np.float64]
@@ -114,9 +113,8 @@ def _directions(
     def fill(k: int) -> None:
         parameter = free[k]
         step = parameter.difference
-        cause = parameter.cause_in(chain)
-        # what comes before the effect in the chain is what it was
-        since = cause.stage if isinstance(cause, Effect) else Stage.SAMPLED_DRIVE
+        # what comes before the cause in the chain is what it was
+        since = stage_of(parameter.cause_in(chain))
         for _ in range(_MOST_DIFFERENCES):
             if parameter.coordinate(parameter.value(coordinates[k] + step)) - coordinates[k] < 0.5 * step:
                 step = -step

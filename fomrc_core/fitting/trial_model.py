@@ -202,6 +202,11 @@ class TrialModel:
         return changed.with_start(index, other.start_of(other_index))
 
 
+def stage_of(cause: Cause) -> Stage:
+    """Return the stage from which on a run is another where this cause is: the first for what is no effect."""
+    return cause.stage if isinstance(cause, Effect) else Stage.SAMPLED_DRIVE
+
+
 def fit_modes(trial: TrialModel) -> CreepModes:
     """Return the creep modes a fit uses."""
     return creep_modes(min(max(trial.creep_order, 0.0), 1.0), FIT_ACCURACY, trial.shortest_time_s)
