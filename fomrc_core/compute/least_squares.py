@@ -21,6 +21,8 @@ from fomrc_core.compute.pulse import beat
 RANK_TOLERANCE = 1e-13
 # A column with less than this share of the largest power (a share of 1e-10 in size) does not move.
 _STILL = 1e-20
+# What is left of a column beside others, with less than this share of its power, is mostly rounding of the Gram matrix.
+_ALIKE = 1e-11
 # Added to the diagonal of a Gram matrix of unit columns so that its Cholesky factor exists; well above its rounding
 # error, and moves a weight that the records determine by this share only.
 _RIDGE = 1e-11
@@ -56,6 +58,33 @@ class NormalEquations:
     def explained(self) -> float:
         """What the weights that fit best take off the sum of squares."""
         return float(np.sum((whitening_of(self.gram).T @ self.moment) ** 2))
+
+    def taken_one_by_one(self, n_most: int) -> list[int]:
+        """Return weights in the order in which each takes most off the sum of squares beside those before it.
+
+        Orthogonal least squares (Chen, Billings and Luo, Int. J. Control 50 (1989) 1873): what was taken is projected
+        out of all others. It ends where none takes anything, or all that is left of a column is rounding.
+
+        Args:
+            n_most: number of weights at most.
+        """
+        gram, moment = self.gram.copy(), self.moment.copy()
+        power = np.diag(self.gram)
+        may = power > _STILL * np.max(power, initial=0.0)
+        taken: list[int] = []
+        while len(taken) < n_most:
+            left = np.diag(gram)
+            may = may & (left > _ALIKE * power)
+            gains = np.where(may, moment**2 / np.where(may, left, 1.0), 0.0)
+            best = int(np.argmax(gains)) if gains.size else -1
+            if best < 0 or not gains[best] > 0.0:
+                break
+            taken.append(best)
+            may[best] = False
+            share = gram[:, best] / gram[best, best]
+            moment -= share * moment[best]
+            gram -= np.outer(share, gram[best])
+        return taken
 
     def solution(self) -> Array:
         """Return the weights of either sign that fit best, shape of the moment; the shortest where several do."""

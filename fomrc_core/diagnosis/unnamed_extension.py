@@ -249,16 +249,8 @@ def _chosen_among(
     n_linear: int,
     offered: NDArray[np.int64],
 ) -> tuple[list[int], float]:
-    order: list[int] = []
-    left = [_left(learned, held, n_linear, order)]
-    for _ in range(min(_MOST_TERMS, offered.size)):
-        before = beside.of(np.array(order, dtype=np.int64)).explained if order else 0.0
-        gains = [beside.of(np.array([*order, k])).explained if k not in order else before for k in offered]
-        best = int(np.argmax(gains))
-        if not gains[best] > before:
-            break
-        order.append(int(offered[best]))
-        left.append(_left(learned, held, n_linear, order))
+    order = [int(offered[k]) for k in beside.of(offered).taken_one_by_one(_MOST_TERMS)]
+    left = [_left(learned, held, n_linear, order[:n]) for n in range(len(order) + 1)]
     errors = [sum(float(v @ v) for v in residuals) for residuals in left]
     best = int(np.argmin(errors))
     enough = errors[best] * np.exp(WORTHWHILE_LOG_GAIN)

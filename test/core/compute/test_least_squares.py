@@ -37,6 +37,29 @@ def test_the_solution_is_that_of_the_stacked_used_samples() -> None:
     assert normal_equations(records).solution() == pytest.approx(expected, rel=1e-9)
 
 
+def test_weights_are_taken_in_the_order_in_which_each_explains_most() -> None:
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((80, 9)) * np.geomspace(1e-4, 1e4, 9)
+    columns[:, 5] = 0.0
+    columns[:, 7] = 2.0 * columns[:, 1]  # the same direction twice: whichever is taken, the other adds nothing
+    target = columns[:, [1, 4]] @ np.array([1.0 / columns[0, 1], 1.0 / columns[0, 4]]) + rng.standard_normal(80)
+    equations = normal_equations([(columns, target, np.ones(80, dtype=np.bool_))])
+    expected: list[int] = []
+    for _ in range(7):
+        # each with those before it, by numpy's own least squares
+        left = {
+            k: float(np.sum((target - c @ np.linalg.lstsq(c, target, rcond=None)[0]) ** 2))
+            for k in range(9)
+            if k not in (5, 7, *expected)
+            for c in [columns[:, [*expected, k]] / np.linalg.norm(columns[:, [*expected, k]], axis=0)]
+        }
+        expected.append(min(left, key=lambda k: left[k]))
+    taken = equations.taken_one_by_one(9)
+    assert [1 if k == 7 else k for k in taken] == expected
+    assert equations.taken_one_by_one(2) == taken[:2]
+    assert equations.of(np.array([], dtype=np.int64)).taken_one_by_one(3) == []
+
+
 @pytest.mark.parametrize("n_signals", [0, 1, 3, 4])
 def test_a_product_is_that_of_the_used_samples_alone(n_signals: int) -> None:
     for columns, target, is_used in _records():
