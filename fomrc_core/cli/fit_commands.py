@@ -133,6 +133,9 @@ def diagnose(
     resample: Resample = None,
     accept: Accept = False,
     max_memory: MaxMemory = 2.0,
+    thorough: Annotated[
+        bool, typer.Option("--thorough", help="Go on where the search would be cut short: minutes.")
+    ] = False,
 ) -> None:
     """Find what a simulation gets wrong, name the cause, extend the model and measure the gain.
 
@@ -145,6 +148,8 @@ def diagnose(
     if recordings and topics is None and is_axes_recording(recordings[0]):
         if report is not None:
             raise ParameterError("not with several axes", where="--report", value=str(report), allowed="--test")
+        if thorough:
+            raise ParameterError("not with several axes", where="--thorough", value="given", allowed="nothing")
         return diagnose_several_axes(recordings, output, test, model, periods)
     from fomrc_core.fitting.memory_plan import DIAGNOSING
     from fomrc_core.records.usability import check_usable
@@ -180,10 +185,13 @@ def diagnose(
             progress=progress,
             executor=executor,
             max_memory_gb=max_memory,
+            thorough=thorough,
         )
         progress(1.0, "report")
         write_report(diagnosis, folder, provenance)
     print(diagnosis)
+    if diagnosis.left_out and not thorough:
+        say("--thorough goes on where the search was cut short, for some minutes")
     say(f"{folder / 'report.html'}")
 
 

@@ -13,11 +13,12 @@ from fomrc_core.model.piezo_model import PiezoModel
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """Causes not to try, a base model whose structure is questioned, and what works side by side."""
+    """Causes not to try, a base model whose structure is questioned, what works side by side, and how long to ask."""
 
     excluded_causes: tuple[str, ...]
     model: PiezoModel | None
     executor: ThreadPoolExecutor | None
+    is_thorough: bool = False
 
     def check(self) -> None:
         """Raise ParameterError for a cause that there is not."""

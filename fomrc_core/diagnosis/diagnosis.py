@@ -183,6 +183,7 @@ def diagnose(
     progress: Progress | None = None,
     executor: ThreadPoolExecutor | None = None,
     max_memory_gb: float = MAX_MEMORY_GB,
+    thorough: bool = False,
 ) -> Diagnosis:
     """Return what a simulation of the recordings gets wrong.
 
@@ -198,6 +199,7 @@ def diagnose(
         progress: called with the share done and what is being done.
         executor: screens, simulates and refits side by side.
         max_memory_gb: bound of memory [GB], the program and the recordings with it.
+        thorough: go on where a search would be cut short, see ``Diagnosis.left_out``: minutes in the place of one.
 
     Raises:
         RecordingError: a record nothing can be learnt from.
@@ -206,7 +208,7 @@ def diagnose(
     # Many arguments: the choices of one diagnosis, each with its usual value and given by name.
     tell = progress or (lambda _share, _text: None)
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
-    asked = Asked(tuple(excluded_causes), model, executor)
+    asked = Asked(tuple(excluded_causes), model, executor, thorough)
     long = LongSearch.of(given, test, report, max_memory_gb, tell)
     if long is not None:
         asked.check()
@@ -257,7 +259,7 @@ def _causes_of(
     """Return what a search of prepared records comes to, from causes that act whatever is found, where there are."""
     split, base = prepared.split, prepared.base
     start = base if known is None else known.start(base, split, asked.executor)
-    return search(start, split, causes, tell, asked.executor)
+    return search(start, split, causes, tell, asked.executor, asked.is_thorough)
 
 
 def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:

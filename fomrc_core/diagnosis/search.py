@@ -75,7 +75,12 @@ Tell = Callable[[float, str], None]
 
 
 def search(
-    start: TrialModel, split: DataSplit, causes: tuple[str, ...], tell: Tell, executor: Executor | None = None
+    start: TrialModel,
+    split: DataSplit,
+    causes: tuple[str, ...],
+    tell: Tell,
+    executor: Executor | None = None,
+    is_thorough: bool = False,
 ) -> SearchResult:
     """Return the causes the data carry, from a model without effects.
 
@@ -85,8 +90,10 @@ def search(
         causes: names to try.
         tell: progress.
         executor: runs refits side by side where given.
+        is_thorough: whether ten times the work is allowed.
     """
-    budget = WorkBudget.of(split)
+    # Long: one loop of rounds, each question of a round in its order.
+    budget = WorkBudget.of(split, is_thorough)
     final = refit(start, split.train, n_iterations=2)
     state = SearchState(final.model, (), final, frozenset())
     for number in range(_MAX_ROUNDS):

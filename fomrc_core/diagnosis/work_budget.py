@@ -24,6 +24,8 @@ _FOR_NAMES = 6.0e10
 # Samples of all records up to which that holds. A question costs in proportion to the samples, and of longer records
 # it would be one cause and no more: as many are asked of them as of these, which takes the longer.
 _SAMPLES = 40_000
+# Times as much where the search is asked to be thorough: an end is told then as well, in minutes.
+_THOROUGH = 10.0
 
 PAIRS = "two causes at once were not sought to the end"
 CAUSES = "no further causes were sought"
@@ -57,11 +59,11 @@ class WorkBudget:
     left_out: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, split: DataSplit) -> WorkBudget:
-        """Return the budget of a search that begins now."""
+    def of(cls, split: DataSplit, is_thorough: bool = False) -> WorkBudget:
+        """Return the budget of a search that begins now, ten times as much of one that is asked to be thorough."""
         records = {id(r.tally): r for r in (*split.train, *(h.record for h in (*split.held, *split.report)))}.values()
         n_before = sum(record.tally.n_done for record in records)
-        size = max(1.0, sum(record.time_s.size for record in records) / _SAMPLES)
+        size = max(1.0, sum(record.time_s.size for record in records) / _SAMPLES) * (_THOROUGH if is_thorough else 1.0)
         return cls(lambda: sum(record.tally.n_done for record in records) - n_before, size)
 
     @classmethod

@@ -75,6 +75,16 @@ def test_stopped_it_goes_on_where_it_was(here: Path, how: signal.Signals, capsys
     assert not unfinished.exists()
 
 
+def test_options_of_one_axis_are_refused_with_several(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["diagnose", "r0.npz", "--model", "m.yaml", "-o", "result"]
+    for options in (["--thorough"], ["--report", "r1.npz"]):
+        assert run([*command, *options]) == 2
+        said = capsys.readouterr().err.splitlines()
+        assert f"{options[0]}: not with several axes" in said[-1]
+        assert len(said) == 1
+        assert not (here / "result").exists()
+
+
 def test_several_axes_are_compensated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

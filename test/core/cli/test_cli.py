@@ -14,6 +14,7 @@ import pytest
 
 from fomrc_core.cli.application import run
 from fomrc_core.cli.progress import progress_shown
+from fomrc_core.diagnosis import work_budget
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
 from fomrc_core.storage import measured_examples as data_sources
@@ -120,6 +121,17 @@ def test_identify_says_how_sure_each_parameter_is(measured: Path, capsys: pytest
     assert [element["number"] for element in results["uncertainty"]["elements"]] == [1, 2, 3, 4]
     assert f"fit_rms_um: {results['rms_um']!r}" in (measured.parent / "model.yaml").read_text()
     assert read_model(measured.parent / "model.yaml").n_elements == 4
+
+
+def test_a_diagnosis_that_was_cut_short_says_how_to_go_on(
+    measured: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(work_budget, "_FOR_CAUSES", 0.0)
+    words = "--thorough goes on where the search was cut short"
+    assert run(["diagnose", "stage.csv", "--model", str(_TABLE_1), "--output", "result"]) == 0
+    assert words in capsys.readouterr().err
+    assert run(["diagnose", "stage.csv", "--model", str(_TABLE_1), "--output", "result", "--thorough"]) == 0
+    assert words not in capsys.readouterr().err
 
 
 def test_diagnose_writes_findings_report_and_a_model_that_runs_at_once(

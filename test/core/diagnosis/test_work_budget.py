@@ -73,6 +73,17 @@ def test_of_longer_records_as_many_questions_are_asked(monkeypatch: pytest.Monke
     assert WorkBudget.of(split).size == 4.0
 
 
+def test_a_thorough_search_goes_on_where_another_is_cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    causes = ("dac_quantization", "cyclic_sensor_error")
+    split = split_data((_measured(3),), _measured(4), None, 0.01)
+    whole = WorkBudget.of(split)
+    search(PLAIN, split, causes, lambda *_: None)
+    for name in ("_FOR_PAIRS", "_FOR_FIRST_PAIRS", "_FOR_CAUSES", "_FOR_NAMES"):
+        monkeypatch.setattr(work_budget, name, 0.2 * whole.n_done())
+    assert search(PLAIN, split, causes, lambda *_: None).left_out
+    assert search(PLAIN, split, causes, lambda *_: None, is_thorough=True).left_out == ()
+
+
 def test_names_that_were_not_compared_explain_nothing() -> None:
     assert unless_uncompared(Status.EXPLAINED, (COMPARED,)) is Status.SUSPECT
     assert unless_uncompared(Status.EXPLAINED, (PAIRS,)) is Status.EXPLAINED
