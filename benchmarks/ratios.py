@@ -54,7 +54,7 @@ def table(rows: list[Row]) -> str:
 
 def main(arguments: list[str]) -> int:
     """Measure the parts asked for and print one line each as it comes."""
-    wanted = [name for name in arguments if not name.startswith("-")] or list(PARTS)
+    wanted = [name for name in arguments if name != "--write"] or list(PARTS)
     unknown = [name for name in wanted if name not in PARTS]
     if unknown:
         print(f"unknown part {unknown[0]} (allowed: {', '.join(PARTS)})", file=sys.stderr)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from challenge.answers import read_answers
 from challenge.composition import compose
@@ -16,8 +17,15 @@ from challenge.files import ChallengeError, key_path, read_key, write_challenge
 from challenge.scoring import Score, score
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells a bad argument in one line, as everything else."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"challenge: {message}\n")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m challenge", description=(__doc__ or "").splitlines()[0])
+    parser = _Parser(prog="python -m challenge", description=(__doc__ or "").splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     make = commands.add_parser("make", help="write records without answers, and a key apart from them")
     make.add_argument("folder", metavar="DIR", type=Path, help="new folder for the records")

@@ -162,3 +162,13 @@ def test_a_seed_gives_one_challenge() -> None:
     assert np.array_equal(first.case.train.measured_um, second.case.train.measured_um)
     assert first.causes == second.causes
     assert plan(30, 1) == plan(30, 1) != plan(30, 2)
+
+
+@pytest.mark.parametrize("words", [["make", "DIR", "--n", "many", "--seed", "1"], ["make", "DIR"], ["judge"]])
+def test_a_word_that_is_no_argument_is_told_in_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("challenge: ")

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 # One thread per process, before anything numerical is loaded: the processes are the parallelism.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -97,9 +97,16 @@ def _run(jobs: list[Job], folder: Path, n_processes: int, console: Console, labe
             raise
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells a bad argument in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"study: {message}\n")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for and write the page of what is known so far."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = _Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", nargs="+", choices=[*PARTS, "all"], default=["all"])
     parser.add_argument("--seeds", type=int, help="seeds per cause (pairs: number of pairs) instead of the full number")
     parser.add_argument(
