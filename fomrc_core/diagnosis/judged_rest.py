@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fomrc_core.compute.arrays import Array
+from fomrc_core.diagnosis.bursts import bursts
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.judgement import Judgement, judge
 from fomrc_core.diagnosis.record_view import RecordView, record_views
@@ -56,7 +57,7 @@ class JudgedRest:
         floor_um = max(floor_um, rounding_um)
         before_um, after_um = (rms(np.concatenate(held_residuals(each, split.report))) for each in (base, model))
         driven = [view.driven() for view in records]
-        tests = (*dependences(driven), steady_line(driven))
+        tests = (*dependences(driven), steady_line(driven), bursts(driven))
         sees_slow = noise.sees_slow_noise and not is_slower_than_seen(driven, floor_um, noise.slowest_seen_s)
         if not sees_slow:
             tests = (*tests, unevenness(driven), slow_unevenness(driven))

@@ -277,7 +277,7 @@ def _with_finding(
         # by it: the last look compares them
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
-    final = fit_until_still(accepted.fitted.model, split.train, executor)
+    final = fit_until_still(_in_shortest_form(accepted), split.train, executor)
     # whether a loop needs plays of its own held-out data say, also where nothing else has been found
     may_bring_plays = any(e.name == accepted.cause and e.owns_columns for e in final.model.effects)
     in_form = in_best_form(final, split, executor) if state.steps or may_bring_plays else final
@@ -295,6 +295,14 @@ def _with_finding(
         last = found.steps[-1].tied_with(still_tied(found.model, tied, split))
         found = replace(found, steps=(*found.steps[:-1], last))
     return found
+
+
+def _in_shortest_form(accepted: Candidate) -> TrialModel:
+    """Return the model of a candidate with the cause told the shorter way, where that says nearly the same."""
+    model = accepted.fitted.model
+    effect = next((e for e in model.effects if e.name == accepted.cause), None)
+    shorter = None if effect is None else effect.in_shortest_form()
+    return model if shorter is None or shorter is effect else model.with_cause(shorter)
 
 
 def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSplit) -> set[str]:

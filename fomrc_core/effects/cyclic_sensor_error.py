@@ -18,6 +18,7 @@ _TERMS = ("sine_um", "cosine_um", "second_sine_um", "second_cosine_um")
 _LEAST_CYCLES = 4.0  # over the stroke: a longer one is a curved scale
 _MOST_BINS = 1 << 14  # over the stroke; a cycle of four of them is the shortest that is looked for
 _N_TRIALS = 2
+_LEAST_FIRST = 0.1  # of its second harmonic: less is a hundredth of the power, and a cycle half as long
 # Of the readings: rounding errs in a cycle of one step by itself (Widrow and Kollar, 2008), and says nothing of shorter
 # ones.
 _LEAST_STEPS = 2.0
@@ -116,6 +117,16 @@ class CyclicSensorError(Effect):
         for pair in (_TERMS[:2], _TERMS[2:]):
             free += pair if any(getattr(self, name) != 0.0 for name in pair) else ()
         return tuple(free)
+
+    def in_shortest_form(self) -> CyclicSensorError:
+        """Return the error of half the period where all but its second harmonic is nothing.
+
+        A cycle is the shortest way after which all comes again; a spectrum over few cycles does not tell the two.
+        """
+        first_um, second_um = np.hypot(*self._terms[:2]), np.hypot(*self._terms[2:])
+        if not first_um < _LEAST_FIRST * second_um:
+            return self
+        return CyclicSensorError(0.5 * self.period_um, self.second_sine_um, self.second_cosine_um)
 
     def scale_of(self, name: str, value: float) -> float:
         """Return the size of the whole error as the unit of each term."""

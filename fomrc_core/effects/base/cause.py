@@ -171,6 +171,10 @@ class Cause(ABC):
         special = self.special_case()
         return {self.generalizes: special} if special else {}
 
+    def in_shortest_form(self: AnyCause) -> AnyCause:
+        """Return the cause told the shorter way, where that says nearly the same; itself where there is none."""
+        return self
+
     def other_forms(self: AnyCause) -> Sequence[AnyCause]:
         """Return itself in its other forms, each with the parameters nearest to it, for a fit to begin with.
 
