@@ -15,7 +15,7 @@ from scipy.special import ndtr
 
 from fomrc_core.diagnosis.remainder import Dependence, DrivenRecord
 
-_OF_MEDIAN = 1.4826  # standard deviation of normal noise over the median of its size
+_MEDIAN_TO_RMS = 1.4826  # of normal numbers
 _STANDS_OUT = 10.0  # standard deviations: a walk of a whole record goes to four or five of them
 _MOST = 0.5  # of the power: less may be what jumps of a drive leave, which other tests look at
 
@@ -26,19 +26,18 @@ def bursts(records: Sequence[DrivenRecord]) -> Dependence:
     Args:
         records: with the residual of one and the same model.
     """
-    n_samples, standing_um2, total_um2 = 0, 0.0, 0.0
-    for record in records:
+    told = [record for record in records if np.any(record.is_used)]
+    total_um2 = sum(record.left_um2 for record in told)
+    n_samples, standing_um2 = 0, 0.0
+    for record in told:
         left_um = record.residual_um[record.is_used]
-        if not left_um.size:
-            continue
         size_um = np.abs(left_um - np.median(left_um))
-        width_um = _OF_MEDIAN * float(np.median(size_um))
+        width_um = _MEDIAN_TO_RMS * float(np.median(size_um))
         n_samples += left_um.size
-        total_um2 += float(size_um @ size_um)
         if width_um > 0.0:  # of readings most of which are alike nothing says how wide the others may lie
             standing = size_um[size_um > _STANDS_OUT * width_um]
             standing_um2 += float(standing @ standing)
-    share = standing_um2 / total_um2 if total_um2 > 0.0 else 0.0
+    share = min(standing_um2 / total_um2, 1.0) if total_um2 > 0.0 else 0.0
     by_chance = min(2.0 * float(ndtr(-_STANDS_OUT)) * n_samples, 1.0)
     is_burst = share > _MOST
     on = "in a few samples that stand far out of all others"

@@ -277,7 +277,7 @@ def _with_finding(
         # by it: the last look compares them
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
-    final = fit_until_still(_in_shortest_form(accepted), split.train, executor)
+    final = fit_until_still(_in_shortest_form(accepted.fitted.model), split.train, executor)
     in_form = in_best_form(final, split, executor) if state.steps else final
     if in_form is not final:
         # those it was compared with stood beside another form: the last look compares it anew
@@ -295,12 +295,13 @@ def _with_finding(
     return found
 
 
-def _in_shortest_form(accepted: Candidate) -> TrialModel:
-    """Return the model of a candidate with the cause told the shorter way, where that says nearly the same."""
-    model = accepted.fitted.model
-    effect = next((e for e in model.effects if e.name == accepted.cause), None)
-    shorter = None if effect is None else effect.in_shortest_form()
-    return model if shorter is None or shorter is effect else model.with_cause(shorter)
+def _in_shortest_form(model: TrialModel) -> TrialModel:
+    """Return the model with each effect told the shorter way, where that says nearly the same."""
+    for effect in model.effects:
+        shorter = effect.in_shortest_form()
+        if shorter is not effect:
+            model = model.with_cause(shorter)
+    return model
 
 
 def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSplit) -> set[str]:
