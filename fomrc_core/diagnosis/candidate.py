@@ -16,6 +16,7 @@ from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import refollowed
 from fomrc_core.diagnosis.screening import HeldView, Screened
+from fomrc_core.diagnosis.seen_loops import loops_are_seen
 from fomrc_core.diagnosis.within_reach import BESIDE_ONE_AT_REST, Reach, foreseen_gain, may_be_found
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
@@ -324,8 +325,10 @@ def implausible_in(model: TrialModel, split: DataSplit) -> frozenset[str]:
     """Return the causes of a model that no training record could show with the parameters found."""
     longest = max(float(record.time_s[-1]) for record in split.train)
     step = min(float(np.median(record.steps_s)) for record in split.train)
-    acting = (c for at, c in model.found() if at is None or at < len(split.train))
-    return frozenset(c.name for c in acting if not c.is_plausible(longest, step))
+    acting = [c for at, c in model.found() if at is None or at < len(split.train)]
+    implausible = {c.name for c in acting if not c.is_plausible(longest, step)}
+    bends = {c.name for c in acting if c.needs_loops}
+    return frozenset(implausible if not bends or loops_are_seen(model, split) else implausible | bends)
 
 
 def is_confirmed(fitted: Refit, split: DataSplit, cause: str) -> bool:

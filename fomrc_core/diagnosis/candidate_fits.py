@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
@@ -20,7 +22,6 @@ from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.linear_part import Tangent, squared_error
 from fomrc_core.fitting.trial_model import TrialModel
 
-_RICH_PENALTY = 1.02  # on the squared error: sixty weights more fit as much of the noise of 3000 samples
 _HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
 _FIRST_ITERATIONS = 3  # of all starts
 _FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
@@ -46,6 +47,11 @@ class Begun:
     def begins_far_off(self) -> bool:
         """Whether it takes the place of the power law, with which all else was fitted: no race is fair to it."""
         return any(effect.name == self.cause and effect.replaces_creep for effect in self.fits[0][0].model.effects)
+
+    def is_without_plays(self, fitted: Refit) -> bool:
+        """Return whether a fit is of the form without plays of a cause that may bring some."""
+        owned = [bool(np.any(one.model.columns.owned_by(self.cause))) for one, _ in self.fits]
+        return any(owned) and not np.any(fitted.model.columns.owned_by(self.cause))
 
 
 def begin(task: tuple[PresentModel, DataSplit, list[Screened]]) -> Begun:
@@ -83,6 +89,8 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
     if begun.begins_far_off:
         # the plays were chosen beside the power law: beside another they are others, and no form is told before
         fits = [fit_until_still(fitted.model, split.train) for fitted in _best_of_forms(fits)]
+    # a bend of the drive needs other plays of the base than the family that stands in for it
+    fits = [fit_until_still(f.model, split.train) if begun.is_without_plays(f) else f for f in fits]
     closest = min(fits, key=lambda f: f.squared_error)
     if closest.squared_error > _FAR_BEHIND * max(least_um2, split.noise_um2):
         # whichever form of it is the right one, another cause left less when it had only begun
@@ -101,18 +109,16 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
 def _worth_its_parameters(fits: list[Refit], present: PresentModel, split: DataSplit) -> Refit:
     """Return the fit of the form that earns its parameters (Schwarz, 1978), the simpler ones gone on to their rest.
 
-    As many more weights must earn their keep as well.
+    The weights of plays that a form brings are parameters as any other: a bend of the drive is no family of plays.
     """
     closest = min(fits, key=lambda fitted: fitted.squared_error)
     n_independent = max(split.n_used / residual_inflation(closest.residual, split.train), math.e)
 
     def n_free(fitted: Refit) -> int:
-        return len(free_parameters(fitted.model))
+        return len(free_parameters(fitted.model)) + fitted.model.n_owned
 
     def cost(fitted: Refit) -> float:
-        paid = n_free(fitted) * math.log(n_independent) / n_independent
-        rich = math.log(_RICH_PENALTY) if fitted.model.n_owned > present.model.n_owned else 0.0
-        return math.log(fitted.squared_error) + paid + rich
+        return math.log(fitted.squared_error) + n_free(fitted) * math.log(n_independent) / n_independent
 
     best = min(fits, key=cost)
     near = [f for f in fits if n_free(f) < n_free(best) and _foreseen(f) < _FAR_BEHIND * best.squared_error]
@@ -135,7 +141,7 @@ def _further(present: PresentModel, split: DataSplit, begun: Begun) -> list[Refi
         # of another form a few iterations say little
         alike = [other for other in begun_valleys if _form(other.model) == _form(first.model)]
         hopeless = _HOPELESS * min([present.squared_error, *(f.squared_error for f in fits)])
-        if not alike and begun.begins_far_off:
+        if not alike and (begun.begins_far_off or begun.is_without_plays(first)):
             hopeless = math.inf  # each form is followed once
         elif not begun.is_bound and not reach.holds(first):
             continue  # whichever form is right, what is surely behind another tells no more of the cause
@@ -178,7 +184,7 @@ def _starts(
     chosen: list[tuple[TrialModel, Tangent | None]] = []
     forms: set[tuple[object, ...]] = set()
     for _, start, given in sorted(found, key=lambda option: option[0]):
-        form = (*_form(start), start.weights.size)
+        form = _form(start)
         if form not in forms or len(chosen) < N_STARTS:
             chosen.append((start, given))
             forms.add(form)
@@ -186,8 +192,9 @@ def _starts(
 
 
 def _form(model: TrialModel) -> tuple[object, ...]:
-    """Return what no fit changes of a model: the parameters that it moves, and what its effects have chosen."""
-    return tuple(p.spec.name for p in free_parameters(model)), tuple(effect.form() for effect in model.effects)
+    """Return what no fit changes of a model: what it moves, what its effects have chosen, and the plays they bring."""
+    moves = tuple(p.spec.name for p in free_parameters(model))
+    return moves, tuple(effect.form() for effect in model.effects), model.n_owned
 
 
 def _is_same_valley(one: Refit, other: Refit, present: PresentModel, split: DataSplit) -> bool:

@@ -278,7 +278,9 @@ def _with_finding(
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(_in_shortest_form(accepted.fitted.model), split.train, executor)
-    in_form = in_best_form(final, split, executor) if state.steps else final
+    # whether a loop needs plays of its own held-out data say, also where nothing else has been found
+    may_bring_plays = any(e.name == accepted.cause and e.owns_columns for e in final.model.effects)
+    in_form = in_best_form(final, split, executor) if state.steps or may_bring_plays else final
     if in_form is not final:
         # those it was compared with stood beside another form: the last look compares it anew
         final, step = in_form, step.uncompared()

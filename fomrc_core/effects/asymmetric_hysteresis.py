@@ -85,6 +85,7 @@ class AsymmetricHysteresis(Effect):
     owns_columns: ClassVar[bool] = True
     is_exchangeable: ClassVar[bool] = False  # only the last look exchanges its plays
     needs_many_loops: ClassVar[bool] = True  # one-sided plays bend to any lag in a loop that repeats
+    needs_loops: ClassVar[bool] = True
     linear_parameters: ClassVar[tuple[str, ...]] = ("weights_um_per_v", "warp_per_v", "warp_per_v2")
 
     thresholds_v: tuple[float, ...] = ()

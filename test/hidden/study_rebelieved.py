@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,19 +28,16 @@ def rebelieved(outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome with the probabilities and the status of today."""
     import numpy as np
 
-    from fomrc_core.diagnosis.judgement import _LEAST_EXPLAINING
+    from fomrc_core.diagnosis.judgement import doubts_of_names
 
     if not outcome["findings"]:
         return outcome
     for found in outcome["findings"]:
         found["probability"] = float(told_by(standing_weights(), np.array([found["evidence"]]))[0])
-    together = math.prod(found["probability"] for found in outcome["findings"])
     doubts = [doubt for doubt in outcome["doubts"] if _OF_NAMES not in doubt]
-    if together < _LEAST_EXPLAINING:
-        doubts.append(f"{_OF_NAMES} {math.floor(100.0 * together)} %")
-    outcome["doubts"] = doubts
+    outcome["doubts"] = [*doubts, *doubts_of_names([found["probability"] for found in outcome["findings"]])]
     if outcome["status"] in ("explained", "suspect"):
-        outcome["status"] = "suspect" if doubts else "explained"
+        outcome["status"] = "suspect" if outcome["doubts"] else "explained"
     return outcome
 
 

@@ -53,6 +53,7 @@ class Cause(ABC):
     is_of_sensor: ClassVar[bool] = False  # the reading errs by it, not the position
     is_exchangeable: ClassVar[bool] = True  # may take the place of another cause that was found, or give way to one
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
+    needs_loops: ClassVar[bool] = False  # it bends loops: where none are seen no record shows it
     adds_elements: ClassVar[bool] = False  # tested where the elements of a model are questioned, not by the search
     can_invert: ClassVar[bool] = False  # whether a compensator can undo it
     bends_to_much: ClassVar[bool] = False  # its form follows most of what others do: what is slow, many weights

@@ -9,14 +9,16 @@ from fomrc_core.diagnosis.candidate import Candidate, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
+from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.creep_law import CreepLaw
-from fomrc_core.fitting.base_fit import rebased
+from fomrc_core.fitting.base_fit import rebased, threshold_grid
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.joint_fit import fit_until_still
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.excitation import triangle
 from fomrc_core.records.recording import Recording
+from test.core.driven_plays import states_of_plays, sum_of_lines
 
 _NOISE_UM = 2e-3
 _PLAIN = TrialModel(ColumnKinds.plays(np.linspace(0.0, 1.8, 10)), np.linspace(1.0, 0.1, 10), 0.02, (), ((), ()))
@@ -84,3 +86,28 @@ def test_a_logarithm_that_begins_late_is_told_from_relaxations() -> None:
     assert _law_of(found["creep_law"]).form() == law.form()
     assert _law_of(found["creep_law"]).onset_s == pytest.approx(law.onset_s, rel=0.1)
     assert found["creep_law"].fitted.squared_error < 1.1 * _NOISE_UM**2 * split.n_used
+
+
+def _bent(seed: int) -> Recording:
+    """Return a stage whose amplifier bends the drive before symmetric plays see it, made with numpy alone."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(3000) / 200.0
+    drive_v = 0.35 * np.minimum(time_s, 1.0) * sum_of_lines(rng, time_s, 0.2, 2.0)
+    widths_v = np.array([0.0, 0.13, 0.29, 0.41, 0.67])
+    moved_um = states_of_plays(widths_v, drive_v * (1.0 + 0.12 * drive_v)) @ np.array([1.2, 0.2, 0.2, 0.2, 0.2])
+    return Recording(time_s, drive_v, moved_um + rng.normal(0.0, _NOISE_UM, time_s.size))
+
+
+def test_a_bend_of_the_drive_is_no_family_of_plays() -> None:
+    split = split_data((_bent(1),), _bent(2), None, _NOISE_UM)
+    plays = ColumnKinds.plays(threshold_grid(split.train, 40))
+    start = TrialModel(plays, np.ones(40), 0.0, (), ((), ()), grid_v=plays.thresholds_v)
+    base = fit_until_still(start, split.train).model
+    present = PresentModel.of(base, split)
+    screened = screen(present, ("asymmetric_hysteresis",), held_view(base, split))
+    (found,) = candidates_for(present, split, screened, None)
+    assert not found.brings_plays
+    (bend,) = found.fitted.model.effects
+    assert isinstance(bend, AsymmetricHysteresis)
+    assert bend.warp_per_v == pytest.approx(0.12, rel=0.02)
+    assert found.fitted.squared_error < 1.2 * _NOISE_UM**2 * split.n_used
