@@ -54,12 +54,14 @@ class Linearized(Generic[PointT]):
         stepped: where a step, shape (n_coordinates,), leads; None where nothing is.
         longest_step: longest step of each coordinate to either side, shape (n_coordinates,); inf for any.
         further_gain: by how much any step lowers the sum of squares beside, by what follows the coordinates.
+        is_old: whether what follows the coordinates is taken along directions of a former point.
     """
 
     equations: NormalEquations
     stepped: Callable[[Array], PointT | None]
     longest_step: Array
     further_gain: float = 0.0
+    is_old: bool = False
 
     def promised(self, step: Array) -> float:
         """Return by how much a step lowers the sum of squares, were the residual linear."""
@@ -163,7 +165,8 @@ def _better(
     """Return the first point with a lesser error that ever more damped steps lead to, and its damping.
 
     After a refusal a step that promises next to nothing is not tried: the point is as good as the minimum. The first is
-    tried in any case, for where the residual bends a step may gain more than it promises.
+    tried in any case, for where the residual bends a step may gain more than it promises. Where no step at all, with
+    what follows along old directions, leaves more than the point does, damping comes to that: new directions are asked.
     """
     is_refused = False
     raised_by = _RAISED_BY
@@ -179,6 +182,10 @@ def _better(
             return trial, damping
         if not step.size:  # nothing that damping could shorten
             break
+        if linearized.is_old and not is_refused:
+            still = linearized.stepped(np.zeros(step.size))
+            if still is None or still.squared_error >= point.squared_error:
+                break
         damping, is_refused = max(damping, _FELT_DAMPING) * raised_by, True
         raised_by *= 2.0
     return None, damping

@@ -18,6 +18,7 @@ from fomrc_core.compute.least_squares import NormalEquations, normal_equations
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
 from fomrc_core.diagnosis.drive_period import drive_period_v
 from fomrc_core.diagnosis.extended_model import is_no_worse
+from fomrc_core.diagnosis.fewer_terms import with_fewer_terms
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.terms_fit import fitted_beside, term_directions
 from fomrc_core.effects import Covariate, Effect, Stage, effect_classes
@@ -90,6 +91,7 @@ def unnamed_extension(
     extended = _extended(model, offered, split)
     if extended is None:
         return None
+    extended = with_fewer_terms(extended, split)
     score = held_out_score(before, held_residuals(extended, split.held))
     is_sure = score.p_value < _SIGNIFICANCE / len(_sets(offered))
     if not is_sure or not score.is_worthwhile() or not is_no_worse(extended, model, split):

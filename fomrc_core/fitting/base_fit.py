@@ -83,29 +83,55 @@ def fit_base(
     return trial, directions, squared_error(records, residuals(trial, records))
 
 
-def rebased(trial: TrialModel, records: tuple[FitRecord, ...]) -> TrialModel:
+def rebased(trial: TrialModel, records: tuple[FitRecord, ...], left_um: tuple[Array, ...] | None = None) -> TrialModel:
     """Return the model with its plays chosen anew from its grid: those that get weight when none may be negative.
 
     Weights of either sign on the whole grid can imitate a lag with hysteresis no ceramic has, so the physical sign
     is asked for here; a refit may then move the weights of what was chosen freely.
+
+    Args:
+        trial: the model.
+        records: what it is fitted to.
+        left_um: what it leaves of each record [um]; simulated unless given.
     """
     if trial.grid_v is None:
         return trial
-    columns = ColumnKinds.plays(trial.grid_v).joined(trial.columns.chosen(~trial.columns.is_plain))
+    owned = trial.columns.chosen(~trial.columns.is_plain)
+    columns = ColumnKinds.plays(trial.grid_v).joined(owned)
     n_grid, n = trial.grid_v.size, columns.thresholds_v.size
     full = replace(trial, columns=columns, weights=np.zeros(n))
+    present = _among(trial, trial.grid_v, n)
 
     def rows(index: int, record: FitRecord, residual_um: Array) -> tuple[Array, Array, Mask]:
         here = centred(record_columns(full, record, index, trial), record.is_used)
+        if present is not None:
+            return here, residual_um + here @ present, record.is_used
         present_um = centred(record_columns(trial, record, index), record.is_used) @ trial.weights
         return here, residual_um + present_um, record.is_used
 
-    left_um = residuals(trial, records)
+    left_um = residuals(trial, records) if left_um is None else left_um
     equations = normal_equations(rows(i, r, v) for i, (r, v) in enumerate(zip(records, left_um, strict=True)))
     weights = signed_weights(equations.gram, equations.moment, columns.is_plain)
     active = ~columns.is_plain | (weights > _WEIGHTLESS * float(np.max(weights[:n_grid])))
     active[0] = True
     return replace(trial, columns=columns.chosen(active), weights=weights[active])
+
+
+def _among(trial: TrialModel, grid_v: Array, n_columns: int) -> Array | None:
+    """Return the weights of a model on the columns of its grid and its own.
+
+    None where a play is not of the grid, or an effect makes of each column what depends on the weights of all.
+    """
+    if any(effect.follows_elements for effect in trial.effects):
+        return None
+    plain = trial.columns.is_plain
+    at = np.minimum(np.searchsorted(grid_v, trial.columns.thresholds_v[plain]), grid_v.size - 1)
+    if not np.array_equal(grid_v[at], trial.columns.thresholds_v[plain]):
+        return None
+    weights = np.zeros(n_columns)
+    np.add.at(weights, at, trial.weights[plain])
+    weights[grid_v.size :] = trial.weights[~plain]
+    return weights
 
 
 def _with_short_order_step(change: Array) -> Array:

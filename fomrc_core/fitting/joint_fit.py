@@ -222,10 +222,9 @@ def refit(
     is_linear_free = bool(np.any(space.whitening))
     longest = np.array([_LONGEST_LOG_STEP if p.spec.is_log else math.inf for p in free])
 
-    def point_at(trial: TrialModel, directions: Tangent, is_old: bool) -> _Point:
+    def point_at(trial: TrialModel, left_um: tuple[Array, ...], directions: Tangent, is_old: bool) -> _Point:
         coordinates = np.array([p.coordinate(p.get(trial)) for p in free])
-        left = residuals(trial, records)
-        return _Point(trial, coordinates, left, squared_error(records, left), directions, is_old)
+        return _Point(trial, coordinates, left_um, squared_error(records, left_um), directions, is_old)
 
     def linearize(point: _Point) -> _Linearized:
         runs = _coarse_runs(point.chain, records) if free else []
@@ -239,12 +238,12 @@ def refit(
             try:
                 trial = with_coordinates(point.chain, free, point.coordinates + step)
                 trial = moved(trial, point.space.solve(records, rest))
-                return point_at(trial, point.space, is_linear_free)
+                return point_at(trial, residuals(trial, records), point.space, is_linear_free)
             except ParameterError:
                 return None
 
         followed = point.squared_error - squared_error(records, clear)
-        return _Linearized(equations, stepped, longest, followed, projected)
+        return _Linearized(equations, stepped, longest, followed, point.is_space_old, projected)
 
     def renew(point: _Point) -> _Point | None:
         # a large effect turns the directions of the linear part: take them anew before giving up
@@ -253,7 +252,7 @@ def refit(
         return replace(point, space=tangent(point.chain, records), is_space_old=False)
 
     descent = descend(
-        point_at(_linear_part_first(chain, records, space), space, bool(free) and is_linear_free),
+        point_at(*_linear_part_first(chain, records, space), space, bool(free) and is_linear_free),
         linearize,
         n_iterations=n_iterations,
         least_gain=_LEAST_GAIN,
@@ -275,8 +274,9 @@ def refit(
 
 def fit_until_still(chain: TrialModel, records: tuple[FitRecord, ...], executor: Executor | None = None) -> Refit:
     """Return the joint refit with plays and directions chosen anew, until it moves no more."""
-    before_um2 = squared_error(records, residuals(chain, records))
-    fitted = refit(rebased(chain, records), records, executor=executor)
+    left_um = residuals(chain, records)
+    before_um2 = squared_error(records, left_um)
+    fitted = refit(rebased(chain, records, left_um), records, executor=executor)
     is_still = fitted.is_converged and abs(math.log(before_um2 / fitted.squared_error)) < _STILL
     if is_still and not any(effect.is_scanned for effect in chain.effects):
         return fitted  # with what has not moved the same plays would be chosen once more
@@ -293,8 +293,10 @@ def _scanned_again(chain: TrialModel, records: tuple[FitRecord, ...]) -> TrialMo
     return chain
 
 
-def _linear_part_first(chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent) -> TrialModel:
-    """Return the chain with its linear part moved to where the effects are."""
+def _linear_part_first(
+    chain: TrialModel, records: tuple[FitRecord, ...], space: Tangent
+) -> tuple[TrialModel, tuple[Array, ...]]:
+    """Return the chain with its linear part moved to where the effects are, and what it leaves of each record [um]."""
     left = residuals(chain, records)
     error = squared_error(records, left)
     for _ in range(_N_LINEAR_STEPS):
@@ -310,7 +312,7 @@ def _linear_part_first(chain: TrialModel, records: tuple[FitRecord, ...], space:
         chain, left, error = trial, trial_left, trial_error
         if is_done:
             break
-    return chain
+    return chain, left
 
 
 def _removed(space: Tangent, records: tuple[FitRecord, ...], raw: tuple[Array, ...]) -> tuple[Array, ...]:

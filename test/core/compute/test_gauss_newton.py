@@ -115,6 +115,33 @@ def test_a_linearization_that_leads_nowhere_is_renewed_once_and_then_given_up() 
     assert stuck.point.at[0] == 0.0
 
 
+def test_old_directions_that_mend_nothing_are_made_anew_before_a_step_is_damped() -> None:
+    tried: list[np.ndarray] = []
+
+    def linearize(point: _Point) -> Linearized[_Point]:
+        def stepped(step: np.ndarray) -> _Point:
+            tried.append(step)
+            at = point.at + step
+            # what follows along old directions adds to the error, however short the step
+            return _Point(at, np.array([5.0 if is_old[0] else at[0] - 3.0]))
+
+        equations = NormalEquations(np.eye(1), 3.0 - point.at)
+        return Linearized(equations, stepped, np.full(1, np.inf), further_gain=1.0, is_old=is_old[0])
+
+    def renew(point: _Point) -> _Point | None:
+        if not is_old[0]:
+            return None
+        is_old[0] = False
+        return point
+
+    is_old = [True]
+    found = descend(_Point(np.zeros(1), np.full(1, 3.0)), linearize, n_iterations=9, least_gain=1e-9, renew=renew)
+    assert found.point.at[0] == pytest.approx(3.0, rel=1e-4)
+    assert np.count_nonzero(tried[0])
+    assert not np.any(tried[1]), "after a refusal no step at all is asked"
+    assert np.count_nonzero(tried[2]), "and then a step with new directions"
+
+
 def test_a_hopeless_start_is_given_up_after_the_iterations_it_was_granted() -> None:
     linearize = _linearize(lambda at: 100.0 - at, lambda at: np.eye(1), longest=1.0)
     found = descend(
