@@ -99,9 +99,13 @@ def search(
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
-        if state.final.squared_error < MUCH_LEFT * split.noise_um2:
-            # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
-            state = on_finer_grid(state, split, executor)
+        state, look = _refined(state, split, executor), None
+        if state.steps and state.final.squared_error < AS_NOISE * split.noise_um2:
+            # hardly more is to be found: a name that is sure is worth more, and is compared before the work is used up
+            tell(share, "other causes in the place of those found")
+            state, look = _looked_at(state, split, causes, executor, budget)
+            if look is None:
+                continue
         present, wanted, all_screened = _screened(state, split, causes, executor)
         screened = tuple(trial for trial in all_screened if trial.name in wanted)
         candidates: list[Candidate] = []
@@ -118,19 +122,11 @@ def search(
         if chosen is not None:
             chosen = or_pair(chosen, among)
         if chosen is None:
-            tell(share + 0.07, "other causes in the place of those found")
-            state = without_wander(state, split, executor)
-            look = _last_look(state, split, causes, executor, budget)
-            if look.better is not None:
-                at, rival = look.better
-                # it was found beside all the others
-                beside = (state.steps[:at], state.steps[at + 1 :])
-                changed = with_rival(state, at, rival, beside, split, executor)
-                if not _ends_worse(changed, state, split):
-                    state = changed
-                    continue
-                # the look ended at what is not to be exchanged, and compared no other
-                look = replace(look, steps=tuple(step.uncompared() for step in look.steps))
+            if look is None:
+                tell(share + 0.07, "other causes in the place of those found")
+                state, look = _looked_at(state, split, causes, executor, budget)
+            if look is None:
+                continue
             # what is told beside a wrong name says little of pairs: it is put right first
             if has_room:
                 chosen = any_pair(among)
@@ -140,13 +136,7 @@ def search(
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         state = _with_finding(state, accepted, candidates, split, causes, executor)
-        better = _better_rival(state, split, causes, executor, budget)
-        if better is not None:
-            at, rival = better
-            tell(share + 0.12, f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
-            # one that was found since as well was fitted beside those before it alone
-            behind = () if state.model.has(rival.cause) else state.steps[at + 1 :]
-            state = with_rival(state, at, rival, (state.steps[:at], behind), split, executor)
+        state = _with_better_rival(state, split, causes, executor, budget, partial(tell, share + 0.12))
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
@@ -161,6 +151,31 @@ def _screened(
     # what was given up alone may act together with another
     absent = tuple(name for name in causes if not state.model.has(name))
     return present, wanted, screen(present, absent, held_view(state.model, split), executor)
+
+
+def _refined(state: SearchState, split: DataSplit, executor: Executor | None) -> SearchState:
+    if state.final.squared_error < MUCH_LEFT * split.noise_um2:
+        # where more is left other causes are hidden, to whose shapes plays of any threshold would bend
+        return on_finer_grid(state, split, executor)
+    return state
+
+
+def _looked_at(
+    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
+) -> tuple[SearchState, LastLook | None]:
+    """Return the state and how its causes compare, or one in which a cause has given way to another, and None."""
+    state = without_wander(state, split, executor)
+    look = _last_look(state, split, causes, executor, budget)
+    if look.better is None:
+        return state, look
+    at, rival = look.better
+    # it was found beside all the others
+    beside = (state.steps[:at], state.steps[at + 1 :])
+    changed = with_rival(state, at, rival, beside, split, executor)
+    if not _ends_worse(changed, state, split):
+        return changed, None
+    # the look ended at what is not to be exchanged, and compared no other
+    return state, replace(look, steps=tuple(step.uncompared() for step in look.steps))
 
 
 def _last_look(
@@ -316,6 +331,25 @@ def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSpli
     astray = {c.name for at, c in model.found() if at is not None and at < len(lengths_s) and c.ran_away(lengths_s[at])}
     is_seen_anew = len(split.train) > 1 or bool(cause_classes()[accepted.cause].moved_times)
     return timed | astray | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
+
+
+def _with_better_rival(
+    state: SearchState,
+    split: DataSplit,
+    causes: tuple[str, ...],
+    executor: Executor | None,
+    budget: WorkBudget,
+    say: Callable[[str], None],
+) -> SearchState:
+    """Return the state with a cause that does better in the place of a finding; as it is where none does."""
+    better = _better_rival(state, split, causes, executor, budget)
+    if better is None:
+        return state
+    at, rival = better
+    say(f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
+    # one that was found since as well was fitted beside those before it alone
+    behind = () if state.model.has(rival.cause) else state.steps[at + 1 :]
+    return with_rival(state, at, rival, (state.steps[:at], behind), split, executor)
 
 
 def _better_rival(
