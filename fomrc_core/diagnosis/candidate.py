@@ -264,7 +264,8 @@ def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, Reach]) -> Candid
     try:
         first = begun.fits[0][0]
         is_raced = not begun.is_bound and not begun.begins_far_off
-        if is_raced and not any(reach.holds(fitted) for fitted, _ in begun.fits):
+        # where few samples are independent a cause that mends nothing is within reach of one that mends little
+        if is_raced and (reach.is_of_little or not any(reach.holds(fitted) for fitted, _ in begun.fits)):
             stays = candidate_of(present, split, begun.cause, first, begun.is_bound)
             further = max(foreseen_gain(fitted) for fitted, _ in begun.fits)
             if not may_be_found(stays.score, further):

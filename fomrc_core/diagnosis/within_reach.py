@@ -49,11 +49,20 @@ class Reach:
     most_log_ratio: float = _HOPELESS
 
     @property
+    def gained(self) -> float:
+        """What the best of them gains, in the logarithm of the squared error."""
+        return max(math.log(self.before_um2 / self.least_um2), 0.0)
+
+    @property
+    def is_of_little(self) -> bool:
+        """Whether one at rest gains so little that no base has bent to it: a cause shows at once what it mends."""
+        return self.most_log_ratio == BESIDE_ONE_AT_REST and self.gained < BESIDE_ONE_AT_REST
+
+    @property
     def log_ratio(self) -> float:
         """By how much more than the best one may leave, in the logarithm of the squared error."""
-        gained = max(math.log(self.before_um2 / self.least_um2), 0.0)
         sure = 2.0 * SURE / max(self.n_independent, 1.0)
-        return min(max(sure, _MAY_BE_PLAYS * gained), self.most_log_ratio)
+        return min(max(sure, _MAY_BE_PLAYS * self.gained), self.most_log_ratio)
 
     def holds(self, fitted: Refit) -> bool:
         """Return whether a fit that goes on may come near the best in training."""

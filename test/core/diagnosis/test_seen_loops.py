@@ -1,4 +1,4 @@
-"""Loops are seen where they are wider than the noise; a lag's are none, and without any nothing says what bends them."""
+"""Loops are seen where they are wider than the noise; a lag's are none, and without any nothing bends them."""
 
 from __future__ import annotations
 

@@ -53,6 +53,12 @@ def test_beside_one_at_rest_nobody_is_followed_who_leaves_twice_as_much() -> Non
     assert reach.holds(_begun(4.0 * math.exp(-10.0), last_log_gain=0.2)), "it still falls"
 
 
+@pytest.mark.parametrize(("gained", "is_of_little"), [(0.5, True), (0.8, False)])
+def test_one_at_rest_that_gains_little_has_bent_no_base(gained: float, is_of_little: bool) -> None:
+    assert Reach(1.0, math.exp(-gained), 1e5, BESIDE_ONE_AT_REST).is_of_little is is_of_little
+    assert not Reach(1.0, math.exp(-gained), 1e5).is_of_little, "none is at rest yet"
+
+
 def test_one_that_has_fallen_behind_may_be_a_finding_on_held_out_data() -> None:
     nothing = HeldOutScore(0.0, 0.0, 0.5, 1.0, 1.0)
     assert not may_be_found(nothing, further=0.01)
