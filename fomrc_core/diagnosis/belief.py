@@ -11,10 +11,11 @@ whose weights come from hidden causes of seeds that are not reported (test/hidde
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from fomrc_core.diagnosis.findings import Finding
-from fomrc_core.diagnosis.judgement import Judgement
+from fomrc_core.diagnosis.judgement import LEAST_OF_BENDING, LEAST_OF_EACH, Judgement
 from fomrc_core.model.causes import cause_classes
 
 # A difference in log likelihood beyond which more says nothing: what may be wrong then is the model of all causes, and
@@ -65,6 +66,12 @@ def with_probabilities(findings: tuple[Finding, ...], judgement: Judgement) -> t
         log_odds = _INTERCEPT + sum(weight * value for weight, value in zip(_WEIGHTS, evidence, strict=True))
         believed.append(replace(finding, probability=_logistic(log_odds)))
     return tuple(believed)
+
+
+def asked_of(causes: Sequence[str]) -> tuple[float, ...]:
+    """Return how sure each of these names must be at least in an explanation [1]."""
+    known = cause_classes()
+    return tuple(LEAST_OF_BENDING if c in known and known[c].bends_to_much else LEAST_OF_EACH for c in causes)
 
 
 def evidence_of(finding: Finding, judgement: Judgement) -> tuple[float, ...]:

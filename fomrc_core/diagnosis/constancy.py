@@ -29,7 +29,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 # Of a parameter's value: what a grid of plays and the parts of steps may move it by from one record to another, beside
 # what noise does.
 _ALIKE = 0.02
-_N_ITERATIONS = 8  # it begins where the training data left it
+_N_ITERATIONS = 30  # it begins where the training data left it, and is compared at rest
 
 
 @dataclass(frozen=True)

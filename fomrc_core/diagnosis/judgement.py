@@ -37,10 +37,10 @@ LEAST_BELIEVED = 0.5  # probability of a name: below, it is likelier wrong than 
 # probabilities learned from others in ten folds, 201 are explained rightly and 4 wrongly: what other doubts refuse is
 # not among them, so that more are right than the names alone say. At 80 % it would be 196 and 4, at 70 % 204 and 6.
 _LEAST_EXPLAINING = 0.75
-# Of each of them: however few the names are, one that is wrong is wrong. Of 107 right and 3 wrong explanations (seeds
-# from 350000, used up) 105 and 1 have no name below: where a cause is not in the library its near kin leaves as little,
-# and is told 83 to 91 %, where right names are mostly told 95 %.
-_LEAST_OF_EACH = 0.9
+# Of each of them: however few the names are, one that is wrong is wrong. Most of all of one whose form bends to much:
+# where a cause is not in the library its near kin leaves as little. Of 107 right and 3 wrong explanations (seeds from
+# 350000, used up) 106 and 1 have no name below.
+LEAST_OF_EACH, LEAST_OF_BENDING = 0.85, 0.9
 _MOST_UNEXPLAINED = 0.1  # of the power by which the base missed the data
 
 
@@ -54,22 +54,23 @@ class Status(Enum):
     NOTHING_FOUND = "nothing_found"
 
 
-def doubts_of_names(probabilities: Sequence[float]) -> tuple[str, ...]:
+def doubts_of_names(probabilities: Sequence[float], asked: Sequence[float] = ()) -> tuple[str, ...]:
     """Return why names as sure as these explain nothing, however little they leave; empty where they do.
 
     Args:
         probabilities: of each cause found, that it is the cause [1].
+        asked: probability that each must have at least [1]; LEAST_OF_EACH unless given.
     """
-    together, least = math.prod(probabilities), min(probabilities, default=1.0)
-    names, told, asked = "the names are all", together, _LEAST_EXPLAINING
-    if together >= _LEAST_EXPLAINING:
-        names, told, asked = "one of the names is", least, _LEAST_OF_EACH
-    if told >= asked:
+    names, told, least = "the names are all", math.prod(probabilities), _LEAST_EXPLAINING
+    if told >= least:
+        pairs = zip(probabilities, asked or [LEAST_OF_EACH] * len(probabilities), strict=True)
+        names, (told, least) = "one of the names is", min(pairs, key=lambda pair: pair[0] - pair[1], default=(1.0, 0.0))
+    if told >= least:
         return ()
     names = "the name is" if len(probabilities) == 1 else names
     # rounded down: what is not enough must not read as if it were
     percent = math.floor(100.0 * told)
-    return (f"{names} right with a probability of {percent} %, and an explanation asks for {100.0 * asked:.0f} %",)
+    return (f"{names} right with a probability of {percent} %, and an explanation asks for {100.0 * least:.0f} %",)
 
 
 @dataclass(frozen=True)
@@ -92,27 +93,33 @@ class Judgement:
     reasons: tuple[str, ...]
     rests_on: tuple[str, ...] = ()
 
-    def status(self, probabilities: Sequence[float], is_tied: bool, has_stand_ins: bool = False) -> Status:
+    def status(
+        self, probabilities: Sequence[float], is_tied: bool, has_stand_ins: bool = False, asked: Sequence[float] = ()
+    ) -> Status:
         """Return the word for it.
 
         Args:
             probabilities: of each cause found, that it is the cause.
             is_tied: whether one of them has an equal.
             has_stand_ins: whether something stands in for what has no name: then not everything is explained.
+            asked: probability that each must have at least; LEAST_OF_EACH unless given.
         """
         if not probabilities:
             return Status.NOTHING_FOUND if self.is_noise and not has_stand_ins else Status.UNEXPLAINED
         if is_tied:
             return Status.AMBIGUOUS
-        is_doubted = not self.is_noise or bool(self.doubts(probabilities, has_stand_ins))
+        is_doubted = not self.is_noise or bool(self.doubts(probabilities, has_stand_ins, asked))
         return Status.SUSPECT if is_doubted else Status.EXPLAINED
 
-    def doubts(self, probabilities: Sequence[float], has_stand_ins: bool = False) -> tuple[str, ...]:
+    def doubts(
+        self, probabilities: Sequence[float], has_stand_ins: bool = False, asked: Sequence[float] = ()
+    ) -> tuple[str, ...]:
         """Return why what was named does not explain what the base missed, in words; empty where it does.
 
         Args:
             probabilities: of each cause found, that it is the cause; where there is none only what is left is told.
             has_stand_ins: whether something stands in for what has no name.
+            asked: probability that each must have at least; LEAST_OF_EACH unless given.
         """
         doubts = [f"what is left is not noise: {reason}" for reason in self.reasons]
         if not probabilities:
@@ -122,7 +129,7 @@ class Judgement:
             doubts.append(f"{left:.0f} % of the power the base missed the data by is left, more than {most:.0f} %")
         if has_stand_ins:
             doubts.append("something is followed that has no name")
-        doubts += doubts_of_names(probabilities)
+        doubts += doubts_of_names(probabilities, asked)
         return tuple(doubts)
 
 

@@ -28,6 +28,7 @@ def rebelieved(outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome with the probabilities and the status of today."""
     import numpy as np
 
+    from fomrc_core.diagnosis.belief import asked_of
     from fomrc_core.diagnosis.judgement import doubts_of_names
 
     if not outcome["findings"]:
@@ -35,7 +36,9 @@ def rebelieved(outcome: dict[str, Any]) -> dict[str, Any]:
     for found in outcome["findings"]:
         found["probability"] = float(told_by(standing_weights(), np.array([found["evidence"]]))[0])
     doubts = [doubt for doubt in outcome["doubts"] if _OF_NAMES not in doubt]
-    outcome["doubts"] = [*doubts, *doubts_of_names([found["probability"] for found in outcome["findings"]])]
+    told = [found["probability"] for found in outcome["findings"]]
+    causes = [found["cause"] for found in outcome["findings"]]
+    outcome["doubts"] = [*doubts, *doubts_of_names(told, asked_of(causes))]
     if outcome["status"] in ("explained", "suspect"):
         outcome["status"] = "suspect" if outcome["doubts"] else "explained"
     return outcome

@@ -341,38 +341,6 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     assert [step.accepted.cause for step in result.steps] == ["transport_delay", "dead_zone"]
 
 
-@pytest.mark.parametrize(
-    ("as_noise", "order"), [(1e9, ["asked", "look", "asked"]), (0.0, ["asked", "asked", "look"])], ids=["noise", "more"]
-)
-def test_where_noise_is_left_names_are_compared_before_more_are_sought(
-    split: DataSplit, monkeypatch: pytest.MonkeyPatch, as_noise: float, order: list[str]
-) -> None:
-    monkeypatch.setattr(search, "AS_NOISE", as_noise)
-    delay = _contender(split, "transport_delay", 4.0, 4.0)
-    step = search.Step(delay.fitted.model, delay, (), ())
-    compared = replace(step, margin=77.0)
-    seen: list[str] = []
-    found = iter([delay])
-
-    def asked(state: SearchState, *_: object) -> tuple[list[Candidate], object]:
-        seen.append("asked")
-        candidate = next(found, None)
-        return [], None if candidate is None else (state, candidate)
-
-    def look(*_: object) -> search.LastLook:
-        seen.append("look")
-        return search.LastLook((compared,), None)
-
-    monkeypatch.setattr(search, "_asked", asked)
-    monkeypatch.setattr(search, "_last_look", look)
-    monkeypatch.setattr(search, "screen", lambda *_: ())
-    monkeypatch.setattr(search, "any_pair", lambda *_: None)
-    monkeypatch.setattr(search, "_with_finding", lambda state, *_: replace(state, steps=(step,)))
-    result = search.search(delay.fitted.model, split, ("transport_delay",), lambda *_: None)
-    assert seen == order
-    assert result.steps == (compared,), "compared once, and so it stands"
-
-
 def test_the_last_look_sees_held_out_records_with_what_is_their_own(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
