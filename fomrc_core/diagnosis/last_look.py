@@ -154,7 +154,12 @@ def _first_of_two(
     second = best_beside(first, split, causes, executor)
     if second is None or sure_gain(final, second.fitted, split) <= SURE:
         return None
-    return first if held_out_score(held, list(second.held)).log_gain > _BETTER else None
+    if second.is_bound:
+        # scored on blocks of its own record until it is followed in the held-out one
+        told_of_two = score_of_pair(final.model, second.fitted.model, split)
+    else:
+        told_of_two = held_out_score(held, list(second.held))
+    return first if told_of_two.log_gain > _BETTER else None
 
 
 def _in_place_of(

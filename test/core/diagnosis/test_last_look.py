@@ -102,6 +102,22 @@ def test_what_held_out_data_speak_for_takes_the_place_if_a_second_beside_it_leav
     assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
 
 
+@pytest.mark.parametrize(("gain_followed", "takes_it"), [(0.5, True), (-0.5, False)])
+def test_a_second_that_befell_a_record_is_scored_where_it_is_followed(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, gain_followed: float, takes_it: bool
+) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 5.0, 1)
+    in_training, held_out = (_candidate(split, "transport_delay", left, 1) for left in (8.0, 2.0))
+    other = replace(in_training, held=held_out.held, score=held_out.score)
+    second = _candidate(split, "thermal_drift", 1.0, 1)
+    # as it was scored: on blocks of the record it belongs to, of which there are fewer samples
+    second = replace(second, is_bound=True, held=(second.held[0][::3],))
+    monkeypatch.setattr(last_look, "best_beside", lambda *_: second)
+    followed = replace(second.score, log_gain=gain_followed)
+    monkeypatch.setattr(last_look, "score_of_pair", lambda *_: followed)
+    assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
+
+
 def test_no_second_is_sought_where_noise_is_left(split: DataSplit, monkeypatch: pytest.MonkeyPatch) -> None:
     own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
     monkeypatch.setattr(last_look, "best_beside", lambda *_: pytest.fail("sought all the same"))
