@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from fomrc_core.diagnosis.findings import Finding
 from fomrc_core.diagnosis.judgement import LEAST_OF_BENDING, LEAST_OF_EACH, Judgement
@@ -66,6 +67,23 @@ def with_probabilities(findings: tuple[Finding, ...], judgement: Judgement) -> t
         log_odds = _INTERCEPT + sum(weight * value for weight, value in zip(_WEIGHTS, evidence, strict=True))
         believed.append(replace(finding, probability=_logistic(log_odds)))
     return tuple(believed)
+
+
+class Named(Protocol):
+    """What carries a name and how sure it is: a finding of a stage or of several axes."""
+
+    @property
+    def cause(self) -> str:
+        """Its name."""
+
+    @property
+    def probability(self) -> float:
+        """That it is the cause [1]."""
+
+
+def sureness_of(findings: Sequence[Named]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return how sure each name is, and how sure it must be at least in an explanation [1]."""
+    return tuple(f.probability for f in findings), asked_of([f.cause for f in findings])
 
 
 def asked_of(causes: Sequence[str]) -> tuple[float, ...]:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
-from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, HeldOut, held_residuals
+from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, HeldOut, held_residuals, held_squared_error
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
 from fomrc_core.diagnosis.leverage import determined, expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import refollowed
 from fomrc_core.diagnosis.screening import HeldView, Screened
 from fomrc_core.diagnosis.seen_loops import loops_are_seen
-from fomrc_core.diagnosis.within_reach import BESIDE_ONE_AT_REST, Reach, foreseen_gain, may_be_found
+from fomrc_core.diagnosis.within_reach import Reach, foreseen_gain, may_be_found
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
@@ -193,7 +193,7 @@ def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Scree
     inflation = residual_inflation(present.residuals_um, split.train)
     variance = error / split.n_used
     limit = min(_MIN_SCREENED * variance * min(inflation, _LARGEST_INFLATION), _ENOUGH_SHARE * error)
-    held_error = sum(float(np.dot(v, v)) for v in held_residuals(present.model, split.held))
+    held_error = held_squared_error(present.model, split.held)
     # what weights learned from noise err there, any shape may explain
     learned = max(
         expected_excess(present.model, split.train, part, min(inflation, _LARGEST_INFLATION)) for part in split.held
@@ -256,7 +256,7 @@ def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], standing
     # what noise is left of it is no one's gain
     least_um2 = max(least_um2, split.noise_um2)
     reach = Reach(present.squared_error, least_um2, split.n_used / residual_inflation(left_um, split.train))
-    return reach if standing is None else replace(reach, most_log_ratio=BESIDE_ONE_AT_REST)
+    return reach if standing is None else replace(reach, is_beside_one_at_rest=True)
 
 
 def _fit_candidate(task: tuple[PresentModel, DataSplit, Begun, Reach]) -> Candidate | None:

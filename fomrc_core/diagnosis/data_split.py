@@ -143,6 +143,11 @@ def begun_either_way(model: TrialModel, part: HeldOut) -> list[TrialModel]:
     return [model.with_start(part.index, each) for each in (None, part.record.at_rest())]
 
 
+def held_squared_error(model: TrialModel, held: tuple[HeldOut, ...]) -> float:
+    """Return the sum of squares of what a model may be judged by on held-out stretches [um^2]."""
+    return sum(float(v @ v) for v in held_residuals(model, held))
+
+
 def held_residuals(model: TrialModel, held: tuple[HeldOut, ...]) -> list[Array]:
     """Return what a model may be judged by on the scored samples of each held-out stretch [um].
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
-from fomrc_core.diagnosis.belief import asked_of, probability_of_unknown, with_probabilities
+from fomrc_core.diagnosis.belief import probability_of_unknown, sureness_of, with_probabilities
 from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
 from fomrc_core.diagnosis.data_split import DataSplit, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
@@ -125,11 +125,8 @@ class Diagnosis:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why what was named does not explain what the base model missed, in words; empty where it does."""
-        told = self.judgement.doubts(
-            [finding.probability for finding in self.findings],
-            bool(self.stand_ins),
-            asked_of([finding.cause for finding in self.findings]),
-        )
+        probabilities, asked = sureness_of(self.findings)
+        told = self.judgement.doubts(probabilities, bool(self.stand_ins), asked)
         is_open = self.status not in (Status.EXPLAINED, Status.NOTHING_FOUND)
         return (*told, *cut_short(self.left_out)) if is_open else told
 
@@ -296,9 +293,8 @@ def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:
     judgement = result.judgement
     if thinning.unnamed:
         judgement = replace(judgement, is_noise=False, reasons=(*judgement.reasons, *thinning.unnamed))
-    told = [f.probability for f in result.findings]
-    asked_each = asked_of([f.cause for f in result.findings])
-    status = judgement.status(told, bool(result.ambiguous_with), bool(result.stand_ins), asked_each)
+    told, least = sureness_of(result.findings)
+    status = judgement.status(told, bool(result.ambiguous_with), bool(result.stand_ins), least)
     status = unless_uncompared(status, result.left_out)
     return replace(result, status=status, judgement=judgement, thinning=thinning, data_quality=long.records.quality)
 
@@ -345,9 +341,8 @@ def _result(
     # what else a form could be that is no name is nobody's question
     named = {finding.cause for finding in findings}
     tied = next((s.tied for s in reversed(steps) if s.tied and s.accepted.cause in named), ())
-    told_each = [finding.probability for finding in findings]
-    asked_each = asked_of([finding.cause for finding in findings])
-    status = judgement.status(told_each, bool(tied), bool(unnamed_forms), asked_each)
+    probabilities, least = sureness_of(findings)
+    status = judgement.status(probabilities, bool(tied), bool(unnamed_forms), least)
     status = unless_uncompared(status, found.left_out)
     # judged is what the causes leave; what is written follows the rest as well, and is scored as it is written
     written, described = extension.model, None

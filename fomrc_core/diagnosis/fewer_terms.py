@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, held_squared_error
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN
 from fomrc_core.diagnosis.terms_fit import fitted_beside, terms_in
 from fomrc_core.effects import Effect
@@ -25,12 +25,12 @@ def with_fewer_terms(extended: TrialModel, split: DataSplit) -> TrialModel:
         extended: a model with terms, fitted together with its plays.
         split: records; those held out say what is missed.
     """
-    least = _held_error(extended, split)
+    least = held_squared_error(extended, split.held)
     while sum(effect.n_terms for effect in terms_in(extended)) > 1:
         fewer = min(_without_one(extended), key=lambda model: _learned_error(model, split))
         try:
             fitted = fitted_beside(fewer, split.train)
-            error = np.inf if fitted is None else _held_error(fitted, split)
+            error = np.inf if fitted is None else held_squared_error(fitted, split.held)
         except ParameterError:
             break  # weights beyond all bounds: the records do not tell what is left from what plays can do
         if fitted is None or error > least * np.exp(WORTHWHILE_LOG_GAIN):
@@ -56,7 +56,3 @@ def _learned_error(model: TrialModel, split: DataSplit) -> float:
         return squared_error(split.train, residuals(model, split.train))
     except ParameterError:
         return np.inf
-
-
-def _held_error(model: TrialModel, split: DataSplit) -> float:
-    return float(sum(v @ v for v in held_residuals(model, split.held)))

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
@@ -117,15 +118,14 @@ def _better(
             continue
         learnt = sure_gain(final, other.fitted, split)
         if other.is_bound:
-            # scored on blocks of its own record until it is followed in the held-out one
-            if learnt > SURE and score_of_pair(final.model, other.fitted.model, split).log_gain > _BETTER:
+            if learnt > SURE and _held_gain(final, held, other, split) > _BETTER:
                 return other
             continue
         if learnt <= SURE and (learnt <= 0.0 or other.brings_plays or margin_of(own, [other], split) >= -SURE):
             continue
         if cause_classes()[other.cause].generalizes == own.cause and not is_surely_better(other, own):
             continue
-        if held_out_score(held, list(other.held)).log_gain > _BETTER or is_likelier_than(own, other, split):
+        if _held_gain(final, held, other, split) > _BETTER or is_likelier_than(own, other, split):
             return other
     simpler = simplest(own, candidates, split, n_causes)
     return None if simpler is own else simpler
@@ -146,7 +146,7 @@ def _first_of_two(
     if final.squared_error < AS_NOISE * split.noise_um2:
         return None
     held = held_residuals(final.model, split.held)
-    told = {c.cause: held_out_score(held, list(c.held)).log_gain for c in candidates if not c.is_bound}
+    told = {c.cause: _held_gain(final, held, c, split) for c in candidates if not c.is_bound}
     loud = [c for c in candidates if told.get(c.cause, 0.0) > SPEAKS_UP and is_accepted(c, len(causes))]
     if not loud or not may_ask():
         return None
@@ -154,12 +154,15 @@ def _first_of_two(
     second = best_beside(first, split, causes, executor)
     if second is None or sure_gain(final, second.fitted, split) <= SURE:
         return None
-    if second.is_bound:
+    return first if _held_gain(final, held, second, split) > _BETTER else None
+
+
+def _held_gain(final: Refit, held: list[Array], other: Candidate, split: DataSplit) -> float:
+    """Return by how much a candidate leaves less held out than what stands, in the logarithm of the squared error."""
+    if other.is_bound:
         # scored on blocks of its own record until it is followed in the held-out one
-        told_of_two = score_of_pair(final.model, second.fitted.model, split)
-    else:
-        told_of_two = held_out_score(held, list(second.held))
-    return first if told_of_two.log_gain > _BETTER else None
+        return score_of_pair(final.model, other.fitted.model, split).log_gain
+    return held_out_score(held, list(other.held)).log_gain
 
 
 def _in_place_of(

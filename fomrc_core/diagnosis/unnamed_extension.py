@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import NormalEquations, normal_equations
-from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, quoted_residuals
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals, held_squared_error, quoted_residuals
 from fomrc_core.diagnosis.drive_period import drive_period_v
 from fomrc_core.diagnosis.extended_model import is_no_worse
 from fomrc_core.diagnosis.fewer_terms import with_fewer_terms
@@ -124,7 +124,7 @@ def _extended(model: TrialModel, offered: Sequence[Effect], split: DataSplit) ->
             break  # weights beyond all bounds: the records do not tell the terms from what plays and creep can do
         if extended is None:
             break
-        error = float(sum(v @ v for v in held_residuals(extended, split.held)))
+        error = held_squared_error(extended, split.held)
         if not error < least:
             break
         is_still = error > least * np.exp(-WORTHWHILE_LOG_GAIN)

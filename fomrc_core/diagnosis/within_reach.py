@@ -18,7 +18,7 @@ MORE_ITERATIONS = 6  # of a start worth going on with
 _HOPELESS = math.log(4.0)
 # The same beside one that is at rest, its plays chosen beside all that was found: who would take its place has to leave
 # no more than it does, and all else is there by now that could hide how well it does.
-BESIDE_ONE_AT_REST = math.log(2.0)
+_BESIDE_ONE_AT_REST = math.log(2.0)
 # Of what the best explains: plays that have bent to it are chosen anew beside each cause, and so much may be theirs.
 _MAY_BE_PLAYS = 0.5
 
@@ -40,13 +40,13 @@ class Reach:
         before_um2: sum of squares of the model before [um^2].
         least_um2: the least sum of squares of all causes after their first iterations [um^2].
         n_independent: number of samples, counted as independent ones.
-        most_log_ratio: by how much more one may leave at most, in the logarithm of the squared error.
+        is_beside_one_at_rest: whether the best is one at rest, in whose place the others are asked for.
     """
 
     before_um2: float
     least_um2: float
     n_independent: float
-    most_log_ratio: float = _HOPELESS
+    is_beside_one_at_rest: bool = False
 
     @property
     def gained(self) -> float:
@@ -56,13 +56,14 @@ class Reach:
     @property
     def is_of_little(self) -> bool:
         """Whether one at rest gains so little that no base has bent to it: a cause shows at once what it mends."""
-        return self.most_log_ratio == BESIDE_ONE_AT_REST and self.gained < BESIDE_ONE_AT_REST
+        return self.is_beside_one_at_rest and self.gained < _BESIDE_ONE_AT_REST
 
     @property
     def log_ratio(self) -> float:
         """By how much more than the best one may leave, in the logarithm of the squared error."""
         sure = 2.0 * SURE / max(self.n_independent, 1.0)
-        return min(max(sure, _MAY_BE_PLAYS * self.gained), self.most_log_ratio)
+        most = _BESIDE_ONE_AT_REST if self.is_beside_one_at_rest else _HOPELESS
+        return min(max(sure, _MAY_BE_PLAYS * self.gained), most)
 
     def holds(self, fitted: Refit) -> bool:
         """Return whether a fit that goes on may come near the best in training."""

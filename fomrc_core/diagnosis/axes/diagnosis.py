@@ -23,6 +23,7 @@ from fomrc_core.diagnosis.axes.findings import AxesFinding, AxisDiagnosis
 from fomrc_core.diagnosis.axes.fit import Residuals
 from fomrc_core.diagnosis.axes.records import AxesRecord, check_fit
 from fomrc_core.diagnosis.axes.search import AxesStep, search_causes
+from fomrc_core.diagnosis.belief import sureness_of
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Judgement, Status, judge
 from fomrc_core.diagnosis.remainder import DrivenRecord, dependences
@@ -80,9 +81,8 @@ class AxesDiagnosis:
     def doubts(self) -> tuple[str, ...]:
         """Why what was named does not explain what the model missed, in words; empty where it does."""
         of_axes = [axis.diagnosis for axis in self.axes]
-        named = [finding.probability for finding in self.findings]
-        named += [finding.probability for one in of_axes for finding in one.findings]
-        return self.judgement.doubts(named, any(one.stand_ins for one in of_axes))
+        probabilities, asked = sureness_of([*self.findings, *(f for one in of_axes for f in one.findings)])
+        return self.judgement.doubts(probabilities, any(one.stand_ins for one in of_axes), asked)
 
     def __str__(self) -> str:
         lines = [f"status: {self.status.value}; floor {self.percent_floor:.3g} % of the displacements' rms"]
@@ -143,11 +143,10 @@ def diagnose_axes(
     whole = np.sqrt(np.mean(sizes**2, axis=0))
     judgement = _judgement(extended, after, (float(whole[0]), float(whole[1]), float(whole[2])))
     findings = axes_probabilities(_findings(steps, float(whole[2])), float(whole[0] ** 2 - whole[2] ** 2))
-    probabilities = [finding.probability for finding in findings]
-    of_axes = [finding.probability for axis in axes for finding in axis.diagnosis.findings]
+    probabilities, asked = sureness_of([*findings, *(f for axis in axes for f in axis.diagnosis.findings)])
     has_stand_ins = any(axis.diagnosis.stand_ins for axis in axes)
-    status = judgement.status([*probabilities, *of_axes], any(step.tied for step in steps), has_stand_ins)
-    unknown = 0.0 if judgement.is_noise else 1.0 - min([*probabilities, *of_axes], default=0.0)
+    status = judgement.status(probabilities, any(step.tied for step in steps), has_stand_ins, asked)
+    unknown = 0.0 if judgement.is_noise else 1.0 - min(probabilities, default=0.0)
     found = AxesDiagnosis(
         status,
         judgement,

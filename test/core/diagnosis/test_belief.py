@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
-from fomrc_core.diagnosis.belief import evidence_of, probability_of_unknown, with_probabilities
+from fomrc_core.diagnosis.belief import evidence_of, probability_of_unknown, sureness_of, with_probabilities
 from fomrc_core.diagnosis.findings import Finding
-from fomrc_core.diagnosis.judgement import Judgement, Status
+from fomrc_core.diagnosis.judgement import LEAST_OF_BENDING, LEAST_OF_EACH, Judgement, Status
 from fomrc_core.diagnosis.remainder import Dependence
 
 _NOISE = Judgement(1.0, True, 0.0, (), ())
@@ -96,3 +97,13 @@ def test_evidence_is_finite_and_odd_in_the_margin() -> None:
     assert of(25.0)[0] == -of(-25.0)[0] > 0.0
     assert of(math.nan)[0] == 0.0
     assert all(math.isfinite(value) for value in of(math.inf))
+
+
+def test_a_name_of_an_axis_is_asked_as_that_of_a_stage_and_one_of_several_axes_as_any() -> None:
+    of_axis = SimpleNamespace(cause="thermal_drift", probability=0.89)
+    of_all = SimpleNamespace(cause="cross_coupling", probability=0.89)
+    probabilities, asked = sureness_of([of_all, of_axis])
+    assert probabilities == (0.89, 0.89)
+    assert asked == (LEAST_OF_EACH, LEAST_OF_BENDING)
+    assert _NOISE.status(probabilities[:1], False, asked=asked[:1]) is Status.EXPLAINED
+    assert _NOISE.status(probabilities[1:], False, asked=asked[1:]) is Status.SUSPECT

@@ -70,6 +70,13 @@ def _four_times_the_noise(candidate: Candidate) -> Candidate:
     return replace(candidate, fitted=fitted, held=held_um)
 
 
+def _spoken_for(split: DataSplit) -> tuple[Candidate, Candidate]:
+    """Return what stands, for which training speaks, and one for which held-out data do."""
+    in_training, held_out = (_candidate(split, "transport_delay", left, 1) for left in (8.0, 2.0))
+    other = replace(in_training, held=held_out.held, score=held_out.score)
+    return _candidate(split, "voltage_dependent_capacitance", 5.0, 1), other
+
+
 def _look(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, own: Candidate, *others: Candidate, margin: float = 0.4
 ) -> LastLook:
@@ -94,9 +101,7 @@ def test_what_does_as_well_with_fewer_parameters_takes_the_place(
 def test_what_held_out_data_speak_for_takes_the_place_if_a_second_beside_it_leaves_less(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, left_with_second: float, takes_it: bool
 ) -> None:
-    own = _candidate(split, "voltage_dependent_capacitance", 5.0, 1)
-    in_training, held_out = (_candidate(split, "transport_delay", left, 1) for left in (8.0, 2.0))
-    other = replace(in_training, held=held_out.held, score=held_out.score)
+    own, other = _spoken_for(split)
     second = _candidate(split, "zero_order_hold", left_with_second, 1)
     monkeypatch.setattr(last_look, "best_beside", lambda first, *_: second if first is other else None)
     assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
@@ -106,9 +111,7 @@ def test_what_held_out_data_speak_for_takes_the_place_if_a_second_beside_it_leav
 def test_a_second_that_befell_a_record_is_scored_where_it_is_followed(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, gain_followed: float, takes_it: bool
 ) -> None:
-    own = _candidate(split, "voltage_dependent_capacitance", 5.0, 1)
-    in_training, held_out = (_candidate(split, "transport_delay", left, 1) for left in (8.0, 2.0))
-    other = replace(in_training, held=held_out.held, score=held_out.score)
+    own, other = _spoken_for(split)
     second = _candidate(split, "thermal_drift", 1.0, 1)
     # as it was scored: on blocks of the record it belongs to, of which there are fewer samples
     second = replace(second, is_bound=True, held=(second.held[0][::3],))

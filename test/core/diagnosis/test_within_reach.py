@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.held_out_score import SURE, HeldOutScore
-from fomrc_core.diagnosis.within_reach import BESIDE_ONE_AT_REST, MORE_ITERATIONS, Reach, may_be_found
+from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, may_be_found
 from fomrc_core.fitting.joint_fit import Refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
@@ -47,7 +47,7 @@ def test_beside_a_large_gain_half_of_it_may_be_the_plays(gained: float, largest:
 
 
 def test_beside_one_at_rest_nobody_is_followed_who_leaves_twice_as_much() -> None:
-    reach = Reach(1.0, math.exp(-10.0), 1e5, BESIDE_ONE_AT_REST)
+    reach = Reach(1.0, math.exp(-10.0), 1e5, is_beside_one_at_rest=True)
     assert reach.holds(_begun(1.9 * math.exp(-10.0)))
     assert not reach.holds(_begun(2.1 * math.exp(-10.0)))
     assert reach.holds(_begun(4.0 * math.exp(-10.0), last_log_gain=0.2)), "it still falls"
@@ -55,7 +55,7 @@ def test_beside_one_at_rest_nobody_is_followed_who_leaves_twice_as_much() -> Non
 
 @pytest.mark.parametrize(("gained", "is_of_little"), [(0.5, True), (0.8, False)])
 def test_one_at_rest_that_gains_little_has_bent_no_base(gained: float, is_of_little: bool) -> None:
-    assert Reach(1.0, math.exp(-gained), 1e5, BESIDE_ONE_AT_REST).is_of_little is is_of_little
+    assert Reach(1.0, math.exp(-gained), 1e5, is_beside_one_at_rest=True).is_of_little is is_of_little
     assert not Reach(1.0, math.exp(-gained), 1e5).is_of_little, "none is at rest yet"
 
 
