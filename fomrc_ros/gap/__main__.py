@@ -4,4 +4,7 @@ import sys
 
 from fomrc_ros.gap.nodes import command_main, monitor_main
 
-sys.exit(monitor_main() if "--monitor" in sys.argv else command_main())
+if "--monitor" in sys.argv[1:2]:
+    del sys.argv[1]
+    sys.exit(monitor_main())
+sys.exit(command_main())

@@ -19,6 +19,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
 from fomrc_core.errors import FomrcError
 
@@ -27,6 +28,7 @@ _FOREVER_S = 1e9
 # Between two looks at whether a signal has come; the client library holds the interpreter meanwhile.
 _LOOK_PERIOD_S = 0.05
 EXIT_BAD_INPUT = 2
+_USAGE = "--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r NAME:=OTHER] ..."
 _START_ERRORS = (
     FomrcError,
     InvalidParameterException,
@@ -67,6 +69,10 @@ def run(make_node: Callable[[], Any], arguments: list[str] | None = None) -> int
         make_node: makes the node; a ``StoppableNode``.
         arguments: command line, ``sys.argv`` where not given.
     """
+    words = sys.argv[1:] if arguments is None else arguments
+    if any(word in ("-h", "--help") for word in words):
+        print(f"usage: {_USAGE}")
+        return 0
     signalled: list[int] = []
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -77,8 +83,14 @@ def run(make_node: Callable[[], Any], arguments: list[str] | None = None) -> int
     try:
         # Own handlers, because a stopping node may have to ramp a voltage down before the context goes.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        # The client library leaves alone what is not its own: a misspelt --ros-args would lose every parameter.
+        unknown = remove_ros_args(args=words)
     except Exception as error:
         print(f"fomrc_ros: cannot start: {_first_line(error)}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if unknown:
+        rclpy.try_shutdown()
+        print(f"fomrc_ros: cannot start: unknown argument {unknown[0]!r}; allowed: {_USAGE}", file=sys.stderr)
         return EXIT_BAD_INPUT
     status = 0
     node: Any = None

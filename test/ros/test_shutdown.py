@@ -6,6 +6,7 @@ import signal
 
 import pytest
 from harness import clean, model_file
+from node_under_test import MODULES, PATIENCE_S, server
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
@@ -50,5 +51,22 @@ def test_what_cannot_start_says_so_in_one_line(tmp_path, start):
         assert node.wait_for_exit() == 2, node.output()
         # The client library adds a line of its own where it cannot read a file.
         lines = [line for line in clean(node.output()) if "[rcl]" not in line]
+        assert len(lines) == 1, lines
+        assert named in lines[0]
+
+
+@pytest.mark.parametrize("kind", sorted(MODULES))
+def test_an_argument_that_is_none_of_ros_is_refused(tmp_path, kind):
+    for words, status, named in (
+        (["--nope"], 2, "unknown argument '--nope'; allowed: --ros-args"),
+        (["--ros-arg", "-p", "rate_hz:=100.0"], 2, "unknown argument '--ros-arg'"),
+        (["--ros-args", "-p", "use_sim_time:=false", "--", "left"], 2, "unknown argument 'left'"),
+        (["--help"], 0, "usage: --ros-args"),
+    ):
+        monitor = ["--monitor"] if kind == "gap_monitor" else []
+        output = tmp_path / "said.log"
+        process = server().fork(MODULES[kind], [*monitor, *words], tmp_path, output)
+        assert process.wait(PATIENCE_S) == status
+        lines = clean(output.read_text())
         assert len(lines) == 1, lines
         assert named in lines[0]
