@@ -14,6 +14,8 @@ from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
+    HARDLY,
+    NEARLY,
     is_accepted,
     is_likelier_than,
     is_surely_better,
@@ -45,10 +47,12 @@ class LastLook:
         steps: the acceptances, each that was looked at with the causes that do as well in its place.
         better: place of an acceptance and the candidate to take it, None where there is none: one that surely does
             better, alone or with a second, or does as well with fewer parameters.
+        unshown: place of an acceptance that no record shows any more as what it is called; None where there is none.
     """
 
     steps: tuple[Step, ...]
     better: tuple[int, Candidate] | None
+    unshown: int | None = None
 
 
 def looked_at_last(
@@ -92,11 +96,17 @@ def looked_at_last(
         anew = next((c for c in candidates if c.cause == name), None)
         if anew is not None and sure_gain(final, anew.fitted, split) > SURE:
             return LastLook(tuple(steps), (at, anew))
+        if is_bound and not own.is_plausible and own.train_log_gain < HARDLY:
+            # it was told while others were hidden: beside them it mends as little as noise, and as what it is no more
+            return LastLook(tuple(steps), None, at)
         candidates = [c for c in candidates if c is not anew]
-        # such a one is only compared: nothing takes its place
-        better = None if is_bound else _better(own, candidates, final, split, len(causes))
-        if better is None and not is_bound:
-            better = _first_of_two(candidates, final, split, tuple(causes), executor, may_ask)
+        if is_bound:
+            # what belongs to the actuator was scored on other data; only what befell the same records is compared
+            better = _better_befallen(candidates, final, split, len(causes))
+        else:
+            better = _better(own, candidates, final, split, len(causes))
+            if better is None:
+                better = _first_of_two(candidates, final, split, tuple(causes), executor, may_ask)
         if better is not None:
             return LastLook(tuple(steps), (at, better))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
@@ -116,12 +126,11 @@ def _better(
     for other in candidates:
         if not is_accepted(other, n_causes):
             continue
-        learnt = sure_gain(final, other.fitted, split)
         if other.is_bound:
-            if learnt > SURE and _held_gain(final, held, other, split) > _BETTER:
+            if _does_better(other, final, held, split):
                 return other
             continue
-        if learnt <= SURE and (learnt <= 0.0 or other.brings_plays or margin_of(own, [other], split) >= -SURE):
+        if not _is_likelier(own, other, final, split):
             continue
         if cause_classes()[other.cause].generalizes == own.cause and not is_surely_better(other, own):
             continue
@@ -129,6 +138,40 @@ def _better(
             return other
     simpler = simplest(own, candidates, split, n_causes)
     return None if simpler is own else simpler
+
+
+def _does_better(other: Candidate, final: Refit, held: list[Array], split: DataSplit) -> bool:
+    """Return whether what belongs to single records surely does better than what stands, held out as well."""
+    return sure_gain(final, other.fitted, split) > SURE and _held_gain(final, held, other, split) > _BETTER
+
+
+def _better_befallen(candidates: list[Candidate], final: Refit, split: DataSplit, n_causes: int) -> Candidate | None:
+    """Return the candidate that surely does better where what befell single records stands, of those that may as well.
+
+    What had been found while others were hidden, as a past for a drift, stays otherwise.
+    """
+    held = held_residuals(final.model, split.held)
+    befallen = [c for c in candidates if c.is_bound and is_accepted(c, n_causes)]
+    return next((c for c in befallen if _does_better(c, final, held, split)), None)
+
+
+def _is_likelier(own: Candidate, other: Candidate, final: Refit, split: DataSplit) -> bool:
+    """Return whether a candidate is surely likelier in a cause's place, by training or by all data together.
+
+    Training may speak against it by little where held-out data, which neither was fitted to, say more for it: twice as
+    much left there is no noise, and that must be sure however the noise is whitened. Where training says much neither
+    is the whole. Plays bend to what training lacks.
+    """
+    learnt = sure_gain(final, other.fitted, split)
+    if learnt > SURE:
+        return True
+    if other.brings_plays or margin_of(own, [other], split) >= -SURE:
+        return False
+    if learnt > 0.0:
+        return True
+    lost = math.log(other.fitted.squared_error / final.squared_error)
+    told = held_out_score(list(own.held), list(other.held)).log_gain
+    return lost < HARDLY and told > NEARLY and whitened_margin_of(own, [other], split) < -SURE
 
 
 def _first_of_two(

@@ -104,7 +104,8 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     """
     accepted, best = chosen[1], None
     if asked.present is not None and accepted.fitted.squared_error > MUCH_LEFT * asked.split.noise_um2:
-        return _told_by_signatures(asked, accepted) or chosen
+        told = _told_by_signatures(asked, accepted)
+        return chosen if told is None or _does_better_with_a_second(accepted, told, asked) else told
     # what would have been chosen but for noise that might wander as much, others still hidden, wanders less beside them
     louder = [c for c in asked.candidates if c.is_unconfirmed and c.total_gain > accepted.total_gain]
     refused = [c for c in louder if _is_accepted_but_for_wander(c, asked.n_causes)][:1]
@@ -122,6 +123,20 @@ def or_pair(chosen: tuple[SearchState, Candidate], asked: Round) -> tuple[Search
     own = _with_pair(asked, accepted)
     errors = [accepted.fitted.squared_error, *([] if own is None else [own[1].fitted.squared_error])]
     return best if best[1].fitted.squared_error < min(errors) else chosen
+
+
+def _does_better_with_a_second(accepted: Candidate, told: tuple[SearchState, Candidate], asked: Round) -> bool:
+    """Return whether what was accepted leaves surely less than a pair of others once it has a second as well.
+
+    Signatures are slopes: what a large effect leaves at its full size they do not foresee, nor who explains that.
+    """
+    state, second = told
+    is_of_pair = accepted.cause in (state.steps[-1].accepted.cause, second.cause)
+    leaves_noise = second.fitted.squared_error < MUCH_LEFT * asked.split.noise_um2
+    if is_of_pair or leaves_noise or accepted.is_bound or not asked.budget.allows(PAIRS):
+        return False
+    own = best_beside(accepted, asked.split, asked.wanted, asked.executor)
+    return own is not None and sure_gain(second.fitted, own.fitted, asked.split) > SURE
 
 
 def _told_by_signatures(asked: Round, accepted: Candidate | None) -> tuple[SearchState, Candidate] | None:

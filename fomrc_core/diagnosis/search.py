@@ -36,7 +36,15 @@ from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pa
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.diagnosis.search_state import AS_NOISE, PRUNED, SearchState, pruned, with_rival, without_wander
+from fomrc_core.diagnosis.search_state import (
+    AS_NOISE,
+    PRUNED,
+    SearchState,
+    pruned,
+    with_rival,
+    without_step,
+    without_wander,
+)
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unseated import with_unseating
 from fomrc_core.diagnosis.with_the_start import comes_with_the_start
@@ -166,6 +174,8 @@ def _looked_at(
     """Return the state and how its causes compare, or one in which a cause has given way to another, and None."""
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
+    if look.unshown is not None:
+        return without_step(state, state.steps[look.unshown], split, executor), None
     if look.better is None:
         return state, look
     at, rival = look.better

@@ -15,7 +15,9 @@ from fomrc_core.effects.base.spectra import Spectrum
 from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 
 _TERMS = ("sine_um", "cosine_um", "second_sine_um", "second_cosine_um")
-_LEAST_CYCLES = 4.0  # over the stroke: a longer one is a curved scale
+_LEAST_CYCLES = 4.0  # over the stroke: the lines of fewer lie too near each other in a spectrum
+# Over the stroke, tried as they are: at two a sine turns four times, a curved scale of second and third order twice.
+_FEW_CYCLES = (2.0, 2.5, 3.0, 3.5)
 _MOST_BINS = 1 << 14  # over the stroke; a cycle of four of them is the shortest that is looked for
 _N_TRIALS = 2
 _LEAST_FIRST = 0.1  # of its second harmonic: less is a hundredth of the power, and a cycle half as long
@@ -149,7 +151,10 @@ class CyclicSensorError(Effect):
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[CyclicSensorError]:
-        """Return the strongest lines of the residual's spectrum over displacement, with their second harmonic."""
+        """Return the strongest lines of the residual's spectrum over displacement and a few long cycles.
+
+        Each with its second harmonic.
+        """
         low = min(float(np.min(record.predicted_um)) for record in evidence.records)
         stroke_um = evidence.stroke_um
         if not stroke_um > 0.0:
@@ -168,7 +173,8 @@ class CyclicSensorError(Effect):
         lines = Spectrum.of(mean, stroke_um / (n_bins - 1)).lines(_LEAST_CYCLES / stroke_um, _N_TRIALS)
         steps_um = [record.sensor_step_um for record in evidence.records if record.sensor_step_um > 0.0]
         shortest_um = _LEAST_STEPS * max(steps_um, default=0.0)
-        return cls.proposed(_error_of(evidence, 1.0 / line) for line in lines if line * shortest_um < 1.0)
+        proposed = [*lines, *(n / stroke_um for n in _FEW_CYCLES)]
+        return cls.proposed(_error_of(evidence, 1.0 / line) for line in proposed if line * shortest_um < 1.0)
 
 
 def _smoothed(values: Array, displacement: Array, length: float) -> Array:

@@ -202,6 +202,39 @@ def test_what_befell_a_record_takes_the_place_of_what_stood_in_for_it(
     assert _look(split, monkeypatch, own, load).better == ((0, load) if takes_it else None)
 
 
+@pytest.mark.parametrize(
+    ("left", "gain_followed", "takes_it"), [(1.0, 0.5, True), (1.0, -0.1, False), (2.999, 0.5, False)]
+)
+def test_of_what_befell_records_that_which_surely_does_better_takes_the_place(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float, gain_followed: float, takes_it: bool
+) -> None:
+    own = _bound(_candidate(split, "", 3.0, 3), "voltage_dependent_capacitance")
+    drift = _bound(_candidate(split, "", left, 2), "thermal_drift")
+    monkeypatch.setattr(last_look, "score_of_pair", lambda *_: replace(drift.score, log_gain=gain_followed))
+    # what belongs to the actuator was scored on other data, and takes no such place
+    look = _look(split, monkeypatch, own, _candidate(split, "amplifier_bandwidth", 1.0, 1), drift)
+    assert look.better == ((0, drift) if takes_it else None)
+
+
+@pytest.mark.parametrize(("gain", "is_shown", "place"), [(0.08, False, 0), (0.08, True, None), (2.0, False, None)])
+def test_what_no_record_shows_any_more_and_mends_little_is_told(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, gain: float, is_shown: bool, place: int | None
+) -> None:
+    own = _bound(_candidate(split, "", 1.0, 3), "voltage_dependent_capacitance")
+    own = replace(own, train_log_gain=gain, is_plausible=is_shown)
+    assert _look(split, monkeypatch, own).unshown == place
+
+
+@pytest.mark.parametrize(("left", "left_held", "takes_it"), [(1.05, 0.3, True), (1.05, 0.9, False), (1.3, 0.3, False)])
+def test_what_held_out_data_surely_tell_takes_the_place_where_training_says_little(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float, left_held: float, takes_it: bool
+) -> None:
+    own = _candidate(split, "voltage_dependent_capacitance", 1.0, 1)
+    other = _candidate(split, "zero_order_hold", left, 1)
+    other = replace(other, held=(left_held * own.held[0],))
+    assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
+
+
 @pytest.mark.parametrize(("left", "takes_it"), [(1.0, True), (1.3, False)])
 def test_a_past_begun_anew_beside_what_was_found_since_takes_its_own_place(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float, takes_it: bool

@@ -20,6 +20,7 @@ from fomrc_core.diagnosis.pair_fits import FittedPair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.search_state import SearchState
+from fomrc_core.diagnosis.step import Step
 from fomrc_core.effects import Effect
 from fomrc_core.effects.dac_quantization import DacQuantization
 from fomrc_core.effects.gain_drift import GainDrift
@@ -171,6 +172,45 @@ def test_where_the_pair_that_leaves_least_is_no_finding_the_next_is_asked(
     chosen = _candidate(split, "slow_relaxation", 0.9)
     chosen = replace(chosen, fitted=replace(chosen.fitted, squared_error=1.9))
     assert pair_search._told_by_signatures(among, chosen) is None
+
+
+@pytest.mark.parametrize(
+    ("left_with_its_second", "left_of_pair", "of_pair", "chosen"),
+    [
+        (3.0, 60.0, "transport_delay", "slow_relaxation"),
+        (59.9, 60.0, "transport_delay", "transport_delay"),
+        # what the pair holds already needs no second, and less than noise nothing leaves
+        (3.0, 60.0, "slow_relaxation", "slow_relaxation"),
+        (1.0, 2.0, "transport_delay", "transport_delay"),
+    ],
+)
+def test_what_was_chosen_gets_a_second_before_two_others_take_its_place(
+    split: DataSplit,
+    monkeypatch: pytest.MonkeyPatch,
+    left_with_its_second: float,
+    left_of_pair: float,
+    of_pair: str,
+    chosen: str,
+) -> None:
+    def leaving(cause: str, left: float) -> Candidate:
+        candidate = _candidate(split, cause, 1.0)
+        return replace(candidate, fitted=replace(candidate.fitted, squared_error=left * split.noise_um2))
+
+    accepted, pair = leaving("slow_relaxation", 200.0), leaving(of_pair, left_of_pair)
+    state = SearchState(PLAIN, (), accepted.fitted, frozenset())
+    first = Step(PLAIN, leaving("gain_drift", 150.0), (), ())
+    asked: list[str] = []
+
+    def beside(one: Candidate, *_: object) -> Candidate:
+        asked.append(one.cause)
+        return leaving("lost_preload", left_with_its_second)
+
+    monkeypatch.setattr(pair_search, "_told_by_signatures", lambda *_: (replace(state, steps=(first,)), pair))
+    monkeypatch.setattr(pair_search, "best_beside", beside)
+    among = pair_search.Round(state, [], split, (), 31, None, present=PresentModel.of(PLAIN, split))
+    assert pair_search.or_pair((state, accepted), among)[1].cause == chosen
+    is_asked = of_pair != accepted.cause and left_of_pair > 4.0
+    assert asked == (["slow_relaxation"] if is_asked else [])
 
 
 def test_beside_a_contact_at_one_place_pairs_are_asked_and_not_beside_openings_whose_times_are_still_moved(

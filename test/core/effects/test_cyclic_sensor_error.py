@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.cyclic_sensor_error import CyclicSensorError
 from fomrc_core.effects.dead_zone import DeadZone
 
@@ -25,3 +26,22 @@ def test_what_has_a_first_harmonic_or_none_at_all_stays() -> None:
         assert error.in_shortest_form() is error
     zone = DeadZone(0.1)
     assert zone.in_shortest_form() is zone
+
+
+@pytest.mark.parametrize("n_cycles", [2.2, 2.77, 3.4, 5.3, 40.0])
+@pytest.mark.parametrize("stroke_um", [0.02, 15.0, 2e4])
+def test_an_error_of_few_cycles_and_of_many_is_proposed(n_cycles: float, stroke_um: float) -> None:
+    rng = np.random.default_rng(5)
+    time_s = np.arange(4000) * 1e-3
+    moved = np.sin(2.0 * np.pi * 0.9 * time_s) + 0.6 * np.sin(2.0 * np.pi * 0.37 * time_s + 1.0)
+    moved_um = stroke_um * (moved - np.min(moved)) / np.ptp(moved)
+    size_um = 1e-3 * stroke_um
+    left_um = size_um * np.sin(2.0 * np.pi * n_cycles * moved_um / stroke_um + 0.7)
+    left_um += rng.normal(0.0, 0.1 * size_um, time_s.size)
+    record = RecordEvidence(time_s, np.full(4000, 1e-3), moved_um / stroke_um, moved_um, left_um)
+    best = 0.0
+    for error in CyclicSensorError.screening(Evidence((record,), 0.1 * size_um)):
+        shape_um = error.run(error.initial_state(), moved_um, np.ones(time_s.size)) - moved_um
+        best = max(best, float(np.corrcoef(shape_um, left_um)[0, 1]))
+    # near enough for a fit to come to the period
+    assert best > 0.6
