@@ -327,7 +327,8 @@ def implausible_in(model: TrialModel, split: DataSplit) -> frozenset[str]:
     longest = max(float(record.time_s[-1]) for record in split.train)
     step = min(float(np.median(record.steps_s)) for record in split.train)
     acting = [c for at, c in model.found() if at is None or at < len(split.train)]
-    implausible = {c.name for c in acting if not c.is_plausible(longest, step)}
+    stroke_um = max(float(np.ptp(record.measured_um[record.is_used])) for record in split.train)
+    implausible = {c.name for c in acting if not (c.is_plausible(longest, step) and c.is_shown_over(stroke_um))}
     bends = {c.name for c in acting if c.needs_loops}
     return frozenset(implausible if not bends or loops_are_seen(model, split) else implausible | bends)
 

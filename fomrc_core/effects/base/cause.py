@@ -187,6 +187,10 @@ class Cause(ABC):
         """Return whether records of this length and sample period [s] can show the cause with these parameters."""
         return True
 
+    def is_shown_over(self, stroke_um: float) -> bool:
+        """Return whether records of this stroke [um] can show the cause with these parameters."""
+        return True
+
     def is_confirmed(self, time_s: Array, voltage_v: Array, residual_um: Array) -> bool:
         """Return whether a record's residual, this cause left in it, shows what the cause must show.
 

@@ -45,3 +45,9 @@ def test_an_error_of_few_cycles_and_of_many_is_proposed(n_cycles: float, stroke_
         best = max(best, float(np.corrcoef(shape_um, left_um)[0, 1]))
     # near enough for a fit to come to the period
     assert best > 0.6
+
+
+def test_less_than_two_cycles_over_the_stroke_are_a_curve() -> None:
+    assert CyclicSensorError(3.9, 0.02).is_shown_over(8.0)
+    assert not CyclicSensorError(3.9, 0.02).is_shown_over(7.3)
+    assert DeadZone(0.1).is_shown_over(1e-3)
