@@ -100,13 +100,9 @@ def looked_at_last(
             # it was told while others were hidden: beside them it mends as little as noise, and as what it is no more
             return LastLook(tuple(steps), None, at)
         candidates = [c for c in candidates if c is not anew]
-        if is_bound:
-            # what belongs to the actuator was scored on other data; only what befell the same records is compared
-            better = _better_befallen(candidates, final, split, len(causes))
-        else:
-            better = _better(own, candidates, final, split, len(causes))
-            if better is None:
-                better = _first_of_two(candidates, final, split, tuple(causes), executor, may_ask)
+        better = _better(own, candidates, final, split, len(causes))
+        if better is None and not is_bound:
+            better = _first_of_two(candidates, final, split, tuple(causes), executor, may_ask)
         if better is not None:
             return LastLook(tuple(steps), (at, better))
         # What was as likely when this one was accepted, others still hidden, says nothing any more beside them.
@@ -121,13 +117,17 @@ def looked_at_last(
 def _better(
     own: Candidate, candidates: list[Candidate], final: Refit, split: DataSplit, n_causes: int
 ) -> Candidate | None:
-    """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters."""
+    """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters.
+
+    In the place of what befell single records only what befell them may stand, if it surely does better: what belongs
+    to the actuator was scored on other data.
+    """
     held = held_residuals(final.model, split.held)
     for other in candidates:
-        if not is_accepted(other, n_causes):
+        if (own.is_bound and not other.is_bound) or not is_accepted(other, n_causes):
             continue
         if other.is_bound:
-            if _does_better(other, final, held, split):
+            if sure_gain(final, other.fitted, split) > SURE and _held_gain(final, held, other, split) > _BETTER:
                 return other
             continue
         if not _is_likelier(own, other, final, split):
@@ -136,23 +136,10 @@ def _better(
             continue
         if _held_gain(final, held, other, split) > _BETTER or is_likelier_than(own, other, split):
             return other
+    if own.is_bound:
+        return None
     simpler = simplest(own, candidates, split, n_causes)
     return None if simpler is own else simpler
-
-
-def _does_better(other: Candidate, final: Refit, held: list[Array], split: DataSplit) -> bool:
-    """Return whether what belongs to single records surely does better than what stands, held out as well."""
-    return sure_gain(final, other.fitted, split) > SURE and _held_gain(final, held, other, split) > _BETTER
-
-
-def _better_befallen(candidates: list[Candidate], final: Refit, split: DataSplit, n_causes: int) -> Candidate | None:
-    """Return the candidate that surely does better where what befell single records stands, of those that may as well.
-
-    What had been found while others were hidden, as a past for a drift, stays otherwise.
-    """
-    held = held_residuals(final.model, split.held)
-    befallen = [c for c in candidates if c.is_bound and is_accepted(c, n_causes)]
-    return next((c for c in befallen if _does_better(c, final, held, split)), None)
 
 
 def _is_likelier(own: Candidate, other: Candidate, final: Refit, split: DataSplit) -> bool:

@@ -132,8 +132,8 @@ def _does_better_with_a_second(accepted: Candidate, told: tuple[SearchState, Can
     """
     state, second = told
     is_of_pair = accepted.cause in (state.steps[-1].accepted.cause, second.cause)
-    leaves_noise = second.fitted.squared_error < MUCH_LEFT * asked.split.noise_um2
-    if is_of_pair or leaves_noise or accepted.is_bound or not asked.budget.allows(PAIRS):
+    leaves_little = second.fitted.squared_error < MUCH_LEFT * asked.split.noise_um2
+    if is_of_pair or leaves_little or accepted.is_bound or not asked.budget.allows(PAIRS):
         return False
     own = best_beside(accepted, asked.split, asked.wanted, asked.executor)
     return own is not None and sure_gain(second.fitted, own.fitted, asked.split) > SURE

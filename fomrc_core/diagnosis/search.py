@@ -42,7 +42,7 @@ from fomrc_core.diagnosis.search_state import (
     SearchState,
     pruned,
     with_rival,
-    without_step,
+    without_finding,
     without_wander,
 )
 from fomrc_core.diagnosis.step import Step
@@ -175,7 +175,7 @@ def _looked_at(
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     if look.unshown is not None:
-        return without_step(state, state.steps[look.unshown], split, executor), None
+        return without_finding(state, state.steps[look.unshown], split, executor), None
     if look.better is None:
         return state, look
     at, rival = look.better

@@ -125,7 +125,7 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
     return state
 
 
-def without_step(state: SearchState, step: Step, split: DataSplit, executor: Executor | None) -> SearchState:
+def without_finding(state: SearchState, step: Step, split: DataSplit, executor: Executor | None) -> SearchState:
     """Return the state without an acceptance, all others staying and tested again."""
     lesser = step.left_out_of(state.model, split, executor).model
     return pruned(_without_step(state, step, lesser, split, executor), split, executor)

@@ -17,8 +17,8 @@ from fomrc_core.effects.base.step_form import Fields, Number, StepForm
 _TERMS = ("sine_um", "cosine_um", "second_sine_um", "second_cosine_um")
 _LEAST_CYCLES = 4.0  # over the stroke: the lines of fewer lie too near each other in a spectrum
 # Over the stroke, tried as they are: at two a sine turns four times, a curved scale of second and third order twice.
+# Fewer than the first bend as a curve does, and follow a kink as well.
 _FEW_CYCLES = (2.0, 2.5, 3.0, 3.5)
-_FEWEST_CYCLES = 2.0  # found: fewer bend as a curve does, and follow a kink as well
 _MOST_BINS = 1 << 14  # over the stroke; a cycle of four of them is the shortest that is looked for
 _N_TRIALS = 2
 _LEAST_FIRST = 0.1  # of its second harmonic: less is a hundredth of the power, and a cycle half as long
@@ -133,7 +133,7 @@ class CyclicSensorError(Effect):
 
     def is_shown_over(self, stroke_um: float) -> bool:
         """Return whether it comes again within the stroke."""
-        return stroke_um >= _FEWEST_CYCLES * self.period_um
+        return stroke_um >= _FEW_CYCLES[0] * self.period_um
 
     def scale_of(self, name: str, value: float) -> float:
         """Return the size of the whole error as the unit of each term."""
