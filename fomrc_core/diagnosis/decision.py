@@ -68,12 +68,21 @@ def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
     """Return whether a candidate is a finding, and more than noise that wanders.
 
     Whichever of the two is surer pays for the number of causes tried: while another cause is hidden, few blocks of the
-    held-out data are independent, and they may say no more than that the gain is not by chance.
+    held-out data are independent, and they may say no more than that the gain is not by chance. Noise of one record
+    foresees nothing of another: what belongs to the actuator and surely takes half of what is left there is no noise.
     """
     if not is_accepted(candidate, 1):
         return False
+    is_sure_held = is_accepted(candidate, n_causes)
+    if is_sure_held and is_foreseen_apart(candidate, split):
+        return True
     gain = _gain_beyond_wander(candidate, candidate.cause, split)
-    return gain > (SURE if is_accepted(candidate, n_causes) else SURE + math.log(n_causes))
+    return gain > (SURE if is_sure_held else SURE + math.log(n_causes))
+
+
+def is_foreseen_apart(candidate: Candidate, split: DataSplit) -> bool:
+    """Return whether what a candidate learnt in one record takes half of what is left of another."""
+    return split.is_apart and not candidate.is_bound and candidate.score.log_gain >= NEARLY
 
 
 def _gain_beyond_wander(candidate: Candidate, cause: str, split: DataSplit) -> float:

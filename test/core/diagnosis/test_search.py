@@ -277,6 +277,21 @@ def test_the_surer_of_score_and_likelihood_pays_for_the_number_of_causes(
     assert decision.is_finding(hum, split, 18) is is_found
 
 
+@pytest.mark.parametrize(
+    ("held_gain", "is_bound", "is_apart", "is_found"),
+    [(0.8, False, True, True), (0.6, False, True, False), (0.8, True, True, False), (0.8, False, False, False)],
+)
+def test_noise_of_one_record_foresees_nothing_of_another(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, held_gain: float, is_bound: bool, is_apart: bool, is_found: bool
+) -> None:
+    """A drift after a recorded temperature is as slow as noise that wanders, and leaves half of another record."""
+    record = split.train[0].recording
+    asked = split_data((record,), record, None, 1e-3) if is_apart else split
+    drift = replace(_contender(split, "thermal_drift", 3.0, held_gain), is_bound=is_bound)
+    monkeypatch.setattr(decision, "gain_beyond_wander", lambda _model, _cause, _split: 0.0)
+    assert decision.is_finding(drift, asked, 18) is is_found
+
+
 @pytest.mark.parametrize("left", [100.0, 1.0])
 def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_much_is_left(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float
