@@ -68,8 +68,7 @@ def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
     """Return whether a candidate is a finding, and more than noise that wanders.
 
     Whichever of the two is surer pays for the number of causes tried: while another cause is hidden, few blocks of the
-    held-out data are independent, and they may say no more than that the gain is not by chance. Noise of one record
-    foresees nothing of another: what belongs to the actuator and surely takes half of what is left there is no noise.
+    held-out data are independent, and they may say no more than that the gain is not by chance.
     """
     if not is_accepted(candidate, 1):
         return False
@@ -81,7 +80,10 @@ def is_finding(candidate: Candidate, split: DataSplit, n_causes: int) -> bool:
 
 
 def is_foreseen_apart(candidate: Candidate, split: DataSplit) -> bool:
-    """Return whether what a candidate learnt in one record takes half of what is left of another."""
+    """Return whether what a candidate learnt in one record takes half of what is left of another.
+
+    Noise of one record foresees nothing of another: where the score is not by chance it is no noise that wanders.
+    """
     return split.is_apart and not candidate.is_bound and candidate.score.log_gain >= NEARLY
 
 

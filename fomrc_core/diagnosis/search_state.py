@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
-from fomrc_core.diagnosis.decision import NEARLY
+from fomrc_core.diagnosis.decision import is_foreseen_apart
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import residual_inflation
@@ -109,8 +109,7 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
     """Return what is left of a state when what only follows noise that wanders is taken out.
 
     While other causes are hidden a drift is accepted for what it follows of them. Beside all that was found since it is
-    asked again, as it was then, whether noise that wanders would do the same. Noise of one record foresees nothing of
-    another: what belongs to the actuator and takes half of what is left there is no noise.
+    asked again, as it was then, whether noise that wanders would do the same, which foresees nothing of another record.
     """
     for step in state.steps:
         name = step.accepted.cause
@@ -120,7 +119,7 @@ def without_wander(state: SearchState, split: DataSplit, executor: Executor | No
             lesser = step.left_out_of(state.model, split, executor)
             fewer = _without_step(state, step, lesser.model, split, executor)
             score = held_out_score(held_residuals(fewer.model, split.held), held_residuals(state.model, split.held))
-            if step.accepted.is_bound or not split.is_apart or score.log_gain < NEARLY:
+            if not is_foreseen_apart(replace(step.accepted, score=score), split):
                 state = fewer
     return state
 
