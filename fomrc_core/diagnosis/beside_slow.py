@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from fomrc_core.diagnosis.acceptance import RICH_GAIN, SIGNIFICANCE, is_learnt
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import RICH_GAIN, SIGNIFICANCE, is_learnt, likelier_by
+from fomrc_core.diagnosis.decision import likelier_by
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.wander import gain_beyond_wander, wander_beside
 

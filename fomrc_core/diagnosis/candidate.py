@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.diagnosis.candidate_fits import Begun, begin, gone_on
-from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, HeldOut, held_residuals, held_squared_error
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, held_residuals
 from fomrc_core.diagnosis.held_out_score import HeldOutScore, held_out_score
-from fomrc_core.diagnosis.leverage import determined, expected_excess
+from fomrc_core.diagnosis.leverage import determined
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.record_effects import refollowed
-from fomrc_core.diagnosis.screening import HeldView, Screened
+from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.seen_loops import loops_are_seen
 from fomrc_core.diagnosis.within_reach import Reach, foreseen_gain, may_be_found
+from fomrc_core.diagnosis.worth_a_refit import worth_a_refit
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.free_parameters import free_parameters
@@ -29,22 +30,14 @@ from fomrc_core.records.noise import autocorrelation_inflation
 
 Array = NDArray[np.float64]
 
-_MAX_CANDIDATES = 8  # refitted in one round: as many as there are kinds of lag, which screen alike
-_MIN_SCREENED = 25.0  # explained sum of squares over noise variance and correlation
-_MOST_QUICK = 2  # beside them, of those that are surest once what is slow is taken out: mostly they are among them
-_LEAST_SHARE = 0.005  # of the squared error: what explains less is no finding, however sure
-_ENOUGH_SHARE = 0.1  # what explains as much is tried, however few samples a slow cause leaves independent
-_CLOSE_TO_BEST = 0.2  # of what the best signature explains; a cause that explains less waits for another round
 # Of the logarithmic gain in training beside that on held-out data: any cause with more parameters gains there, so it
 # counts for less.
 _TRAINING_COUNTS = 0.3
 _LEAST_SCORED = 0.3  # share of the held-out samples; where less is determined nothing is left out
-_UNPROMISING = 4  # of those few
 _STILL_OPEN = 3.0  # in the logarithm of the mean squared error: what is nearer to the best may still come to be it
 _NEAR = 0.15  # the same where a fit has converged and hardly moved: the plays it began with are those it needs
 _MOVED = 0.7  # logarithmic gain in training from which on the plays must be chosen anew, and perhaps once more
 _N_UNFAIR = 2  # followed whoever is ahead by plays of its own: each costs some simulations
-_LARGEST_INFLATION = 200.0  # a residual that drifts as a whole is correlated without end
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,66 +178,6 @@ def _is_open(candidate: Candidate, best_gain: float) -> bool:
         return behind < _STILL_OPEN
     # what it may still gain, in training and as much on held-out data
     return behind < min(_NEAR + (1.0 + _TRAINING_COUNTS) * foreseen_gain(candidate.fitted), _STILL_OPEN)
-
-
-def worth_a_refit(present: PresentModel, split: DataSplit, screened: tuple[Screened, ...]) -> list[list[Screened]]:
-    """Return the trial instances of each cause that may explain much, the likeliest first."""
-    error = present.squared_error
-    inflation = residual_inflation(present.residuals_um, split.train)
-    variance = error / split.n_used
-    limit = min(_MIN_SCREENED * variance * min(inflation, _LARGEST_INFLATION), _ENOUGH_SHARE * error)
-    held_error = held_squared_error(present.model, split.held)
-    # what weights learned from noise err there, any shape may explain
-    learned = max(
-        expected_excess(present.model, split.train, part, min(inflation, _LARGEST_INFLATION)) for part in split.held
-    )
-    n_held = sum(int(np.count_nonzero(part.record.is_used)) for part in split.held)
-    learned_error = min(learned, 1.0) * min(split.noise_um**2 * n_held, held_error)
-    held_limit = max(limit, _LEAST_SHARE * held_error, learned_error)
-    limit = max(limit, _LEAST_SHARE * error)
-    by_cause: dict[str, list[Screened]] = {}
-    for trial in screened:
-        is_sure = trial.explained > limit or trial.beside_slow > _MIN_SCREENED
-        if is_sure or trial.explained_held > held_limit:
-            by_cause.setdefault(trial.name, []).append(trial)
-    if not by_cause:
-        # what a large effect explains at full size its slope does not tell: the likeliest few are fitted all the same
-        best = [trial for trial in screened if error > MUCH_LEFT * split.noise_um2]
-        for trial in best:
-            if len(by_cause) < _UNPROMISING or trial.name in by_cause:
-                by_cause.setdefault(trial.name, []).append(trial)
-    if not by_cause:
-        return []
-    likely = _likely({name: trials[0].explained for name, trials in by_cause.items()})
-    held = {name: max(t.explained_held for t in trials) for name, trials in by_cause.items()}
-    likely += [name for name in _likely(held) if name not in likely]
-    quick = {name: max(t.beside_slow for t in trials) for name, trials in by_cause.items()}
-    surest = sorted((name for name in quick if quick[name] > _MIN_SCREENED), key=lambda name: -quick[name])
-    likely += [name for name in surest[:_MOST_QUICK] if name not in likely]
-    most_held = max(held.values())
-
-    def worth(trial: Screened) -> float:
-        # what the base absorbs in training is told apart on the held-out record
-        return trial.explained / error + (trial.explained_held / most_held if most_held > 0.0 else 0.0)
-
-    # a scan takes longest: begun last it would be waited for
-    likely.sort(key=lambda name: not cause_classes()[name].is_scanned)
-    return [sorted(by_cause[name], key=worth, reverse=True) for name in likely]
-
-
-def _likely(explained: dict[str, float]) -> list[str]:
-    best = max(explained.values())
-    names = [name for name, value in explained.items() if value > _CLOSE_TO_BEST * best and value > 0.0]
-    names.sort(key=lambda name: -explained[name])
-    # what befalls a record follows no drive: none of those that screen alike stands for it
-    befalls = [name for name in names[_MAX_CANDIDATES:] if cause_classes()[name].is_record_bound]
-    return names[:_MAX_CANDIDATES] + befalls
-
-
-def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
-    """Return the held-out record under a model; None where blocks of the training records are held out."""
-    apart = [part for part in split.held if part.index >= len(split.train)]
-    return HeldView.of(model, apart[0]) if apart else None
 
 
 def _reach(present: PresentModel, split: DataSplit, begun: list[Begun], standing: Candidate | None) -> Reach:

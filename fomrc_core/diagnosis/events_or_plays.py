@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 
+from fomrc_core.diagnosis.acceptance import HARDLY, is_accepted, is_finding
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import HARDLY, is_accepted, is_finding, is_likelier_with_fewer
+from fomrc_core.diagnosis.decision import is_likelier_with_fewer
 from fomrc_core.diagnosis.pair_search import score_of_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import sought_again

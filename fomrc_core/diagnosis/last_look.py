@@ -11,12 +11,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from fomrc_core.compute.arrays import Array
-from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, held_view
+from fomrc_core.diagnosis.acceptance import HARDLY, NEARLY, is_accepted
+from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
-    HARDLY,
-    NEARLY,
-    is_accepted,
     is_likelier_than,
     is_surely_better,
     margin_of,
@@ -32,6 +30,7 @@ from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import screen
 from fomrc_core.diagnosis.search_state import AS_NOISE
 from fomrc_core.diagnosis.step import Step
+from fomrc_core.diagnosis.worth_a_refit import held_view
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.model.causes import cause_classes
 

@@ -6,8 +6,9 @@ from concurrent.futures import Executor
 
 import numpy as np
 
+from fomrc_core.diagnosis.acceptance import RICH_GAIN, SIGNIFICANCE
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import RICH_GAIN, SIGNIFICANCE, sure_gain
+from fomrc_core.diagnosis.decision import sure_gain
 from fomrc_core.diagnosis.fit_starts import with_family
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.effects import Effect

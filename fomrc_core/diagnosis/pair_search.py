@@ -6,16 +6,10 @@ import math
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
-from fomrc_core.diagnosis.candidate import (
-    Candidate,
-    candidate_of,
-    candidates_for,
-    held_view,
-    implausible_in,
-    is_confirmed,
-)
+from fomrc_core.diagnosis.acceptance import NEARLY, is_accepted, is_finding, is_no_wander
+from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for, implausible_in, is_confirmed
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import NEARLY, is_accepted, is_finding, is_no_wander, likelier, simplest, sure_gain
+from fomrc_core.diagnosis.decision import likelier, simplest, sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE, WORTHWHILE_LOG_GAIN, HeldOutScore, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.nothing_left import nothing_is_left
@@ -26,6 +20,7 @@ from fomrc_core.diagnosis.screening import Screened, screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.work_budget import CAUSES, PAIRS, WorkBudget
+from fomrc_core.diagnosis.worth_a_refit import held_view
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel

@@ -2,54 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
+from fomrc_core.diagnosis.acceptance import is_accepted, is_finding
 from fomrc_core.diagnosis.beside_slow import found_beside_slow
-from fomrc_core.diagnosis.between_knees import repeats_between_knees
-from fomrc_core.diagnosis.candidate import Candidate, held_view, refitted, worth_a_refit
+from fomrc_core.diagnosis.better_rival import with_better_rival
+from fomrc_core.diagnosis.candidate import Candidate, refitted
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_residuals
-from fomrc_core.diagnosis.decision import (
-    is_accepted,
-    is_finding,
-    likelier,
-    margin_of,
-    rivals_of,
-    simplest,
-    still_tied,
-    sure_gain,
-    ties_of,
-    whitened_margin_of,
-)
+from fomrc_core.diagnosis.decision import likelier, simplest, sure_gain
 from fomrc_core.diagnosis.events_or_plays import events_in_place_of_plays
 from fomrc_core.diagnosis.finer_grid import on_finer_grid
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
-from fomrc_core.diagnosis.kin import kin_left_out, with_kin
+from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
-from fomrc_core.diagnosis.other_forms import in_best_form
-from fomrc_core.diagnosis.pair_search import Round, any_pair, best_beside, or_pair
+from fomrc_core.diagnosis.pair_search import Round, any_pair, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.record_effects import follow_held, refollowed, sought_again
 from fomrc_core.diagnosis.screening import Screened, screen
-from fomrc_core.diagnosis.search_state import (
-    AS_NOISE,
-    PRUNED,
-    SearchState,
-    pruned,
-    with_rival,
-    without_finding,
-    without_wander,
-)
+from fomrc_core.diagnosis.search_state import AS_NOISE, SearchState, with_rival, without_finding, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unseated import with_unseating
-from fomrc_core.diagnosis.with_the_start import comes_with_the_start
-from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget
-from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
+from fomrc_core.diagnosis.with_finding import with_finding
+from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, WorkBudget
+from fomrc_core.diagnosis.worth_a_refit import held_view, worth_a_refit
+from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
 
@@ -143,8 +121,8 @@ def search(
                 return SearchResult(state.model, look.steps, state.final, screened, runner_up, tuple(budget.left_out))
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
-        state = _with_finding(state, accepted, candidates, split, causes, executor)
-        state = _with_better_rival(state, split, causes, executor, budget, partial(tell, share + 0.12))
+        state = with_finding(state, accepted, candidates, split, causes, executor)
+        state = with_better_rival(state, split, causes, executor, budget, partial(tell, share + 0.12))
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)
     return SearchResult(state.model, look.steps, state.final, screened, None, tuple(budget.left_out))
@@ -279,121 +257,3 @@ def _in_place_of_creep(screened: tuple[Screened, ...]) -> list[list[Screened]]:
     names = {trial.name for trial in screened if cause_classes()[trial.name].replaces_creep}
     trials = sorted(screened, key=lambda trial: -trial.explained)
     return [[trial for trial in trials if trial.name == name] for name in sorted(names)]
-
-
-def _with_finding(
-    state: SearchState,
-    accepted: Candidate,
-    candidates: list[Candidate],
-    split: DataSplit,
-    causes: tuple[str, ...],
-    executor: Executor | None,
-) -> SearchState:
-    """Return the state after an acceptance: fitted until still, every finding tested again."""
-    tied = ties_of(accepted, candidates, split)
-    rivals = rivals_of(accepted, candidates)
-    if not split.is_telling:
-        tied += [rival for rival in rivals if rival not in tied]
-    compared = [*candidates, *kin_left_out(accepted, PresentModel.of(state.model, split), split, causes)]
-    margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
-    is_second = bool(state.steps) and math.isnan(state.steps[-1].margin)
-    if (is_second or not is_accepted(accepted, len(causes))) and cause_classes()[accepted.cause].is_exchangeable:
-        # the second of a pair was not asked for beside the first, and what was found beside something slow was hidden
-        # by it: the last look compares them
-        margins = math.nan, math.nan
-    step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
-    final = fit_until_still(_in_shortest_form(accepted.fitted.model), split.train, executor)
-    # whether a loop needs plays of its own held-out data say, also where nothing else has been found
-    may_bring_plays = any(e.name == accepted.cause and e.owns_columns for e in final.model.effects)
-    in_form = in_best_form(final, split, executor) if state.steps or may_bring_plays else final
-    if in_form is not final:
-        # those it was compared with stood beside another form: the last look compares it anew
-        final, step = in_form, step.uncompared()
-    for name in sorted(_sought_again_beside(accepted, final.model, split)):
-        final = sought_again(final, split, name, executor)
-    found = SearchState(follow_held(final.model, split), (*state.steps, step), final, state.tried | {accepted.cause})
-    is_of_plays = repeats_between_knees(found.model, split, accepted.cause)
-    if is_of_plays or comes_with_the_start(found.model, split, accepted.cause):
-        return replace(state, tried=found.tried)
-    found = pruned(found, split, executor)
-    if accepted.is_bound and found.steps and found.steps[-1].accepted is accepted:
-        last = found.steps[-1].tied_with(still_tied(found.model, tied, split))
-        found = replace(found, steps=(*found.steps[:-1], last))
-    return found
-
-
-def _in_shortest_form(model: TrialModel) -> TrialModel:
-    """Return the model with each effect told the shorter way, where that says nearly the same."""
-    for effect in model.effects:
-        shorter = effect.in_shortest_form()
-        if shorter is not effect:
-            model = model.with_cause(shorter)
-    return model
-
-
-def _sought_again_beside(accepted: Candidate, model: TrialModel, split: DataSplit) -> set[str]:
-    """Return the causes of single records to seek anew: one just found, and those with times a fit does not move.
-
-    One just found in a single record a fit has moved since, but for such times, and where it ran away.
-    """
-    timed = {cause.name for at, cause in model.found() if at is not None and cause.has_own_times()}
-    lengths_s = [float(np.ptp(record.time_s)) for record in split.train]
-    astray = {c.name for at, c in model.found() if at is not None and at < len(lengths_s) and c.ran_away(lengths_s[at])}
-    is_seen_anew = len(split.train) > 1 or bool(cause_classes()[accepted.cause].moved_times)
-    return timed | astray | ({accepted.cause} if accepted.is_bound and is_seen_anew else set())
-
-
-def _with_better_rival(
-    state: SearchState,
-    split: DataSplit,
-    causes: tuple[str, ...],
-    executor: Executor | None,
-    budget: WorkBudget,
-    say: Callable[[str], None],
-) -> SearchState:
-    """Return the state with a cause that does better in the place of a finding; as it is where none does."""
-    better = _better_rival(state, split, causes, executor, budget)
-    if better is None:
-        return state
-    at, rival = better
-    say(f"{rival.cause} in place of {state.steps[at].accepted.cause}, joint refit")
-    # one that was found since as well was fitted beside those before it alone
-    behind = () if state.model.has(rival.cause) else state.steps[at + 1 :]
-    return with_rival(state, at, rival, (state.steps[:at], behind), split, executor)
-
-
-def _better_rival(
-    state: SearchState, split: DataSplit, causes: tuple[str, ...], executor: Executor | None, budget: WorkBudget
-) -> tuple[int, Candidate] | None:
-    """Return the place of a finding, and the cause that does better in it beside all that was found since.
-
-    Where a rival was found later itself, the finding may have stood in for a third cause: the rival goes first if the
-    cause that is then found beside it does better than all that has been found.
-    """
-    if state.final.squared_error < AS_NOISE * split.noise_um2:
-        return None  # nothing is left that another cause could explain
-    for at, step in enumerate(state.steps[:-1]):
-        name = step.accepted.cause
-        near = {rival.cause for rival in step.rivals}
-        # what holds another as a special case does as well wherever that one is right
-        for rival in sorted(step.rivals, key=lambda rival: cause_classes()[rival.cause].generalizes in near):
-            if not (cause_classes()[name].is_exchangeable and cause_classes()[rival.cause].is_exchangeable):
-                continue
-            if not state.model.has(name):
-                continue
-            if state.model.has(rival.cause):
-                if not budget.allows(PAIRS):
-                    continue
-                second = best_beside(rival, split, causes, executor)
-                if second is None or second.cause == name:
-                    continue
-                start = second.fitted.model
-            else:
-                effect = next(e for e in rival.fitted.model.effects if e.name == rival.cause)
-                start = state.model.without(name).with_cause(effect)
-            other = fit_until_still(start, split.train, executor)
-            held_um = [held_residuals(m, split.held) for m in (state.model, refollowed(other.model, split))]
-            held = held_out_score(*held_um)
-            if sure_gain(state.final, other, split) > SURE and held.log_gain > PRUNED:
-                return at, rival if state.model.has(rival.cause) else replace(rival, fitted=other)
-    return None

@@ -6,9 +6,9 @@ import math
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+from fomrc_core.diagnosis.acceptance import is_foreseen_apart
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals, is_idle_held
-from fomrc_core.diagnosis.decision import is_foreseen_apart
 from fomrc_core.diagnosis.held_out_score import WORTHWHILE_LOG_GAIN, held_out_score
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import residual_inflation

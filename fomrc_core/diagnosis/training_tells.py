@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from fomrc_core.diagnosis.acceptance import SIGNIFICANCE
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import SIGNIFICANCE
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judgement import Judgement
 from fomrc_core.diagnosis.wander import gain_beyond_wander

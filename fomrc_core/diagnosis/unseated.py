@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
+from fomrc_core.diagnosis.acceptance import is_accepted, is_finding
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit
-from fomrc_core.diagnosis.decision import is_accepted, is_finding, sure_gain, ties_of
+from fomrc_core.diagnosis.decision import sure_gain, ties_of
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import PresentModel

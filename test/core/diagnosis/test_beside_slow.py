@@ -9,10 +9,10 @@ import pytest
 from numpy.polynomial.chebyshev import chebval
 from scipy.signal import lfilter
 
+from fomrc_core.diagnosis.acceptance import is_finding
 from fomrc_core.diagnosis.beside_slow import found_beside_slow, innovations_score
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, split_data
-from fomrc_core.diagnosis.decision import is_finding
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.fitting.fit_record import FitRecord

@@ -68,7 +68,7 @@ def test_where_noise_is_left_names_are_compared_before_more_are_sought(
     monkeypatch.setattr(search, "_last_look", look)
     monkeypatch.setattr(search, "screen", lambda *_: ())
     monkeypatch.setattr(search, "any_pair", lambda *_: None)
-    monkeypatch.setattr(search, "_with_finding", lambda state, *_: replace(state, steps=(step,)))
+    monkeypatch.setattr(search, "with_finding", lambda state, *_: replace(state, steps=(step,)))
     result = search.search(delay.fitted.model, split, ("transport_delay",), lambda *_: None)
     assert seen == order
     assert result.steps == (compared,), "compared once, and so it stands"

@@ -13,7 +13,7 @@ from fomrc_core.diagnosis.prehistory_search import with_searched_past
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import fit_one_record, sought_again
 from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.search import _sought_again_beside
+from fomrc_core.diagnosis.with_finding import _sought_again_beside
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.effects.mains_hum import MainsHum

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fomrc_core.diagnosis.candidate import worth_a_refit
 from fomrc_core.diagnosis.data_split import SUBSTEPS, DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import Screened, screen
+from fomrc_core.diagnosis.worth_a_refit import worth_a_refit
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis import candidate, decision, pair_search, search
+from fomrc_core.diagnosis import acceptance, better_rival, decision, pair_search, search, worth_a_refit
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
@@ -165,12 +165,12 @@ def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
     poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
 
     def better(beside: Candidate, settled: Refit) -> tuple[int, Candidate] | None:
-        monkeypatch.setattr(search, "best_beside", lambda *_: beside)
-        monkeypatch.setattr(search, "fit_until_still", lambda *_: settled)
+        monkeypatch.setattr(better_rival, "best_beside", lambda *_: beside)
+        monkeypatch.setattr(better_rival, "fit_until_still", lambda *_: settled)
         gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
-        monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
+        monkeypatch.setattr(better_rival, "held_residuals", lambda *_: [next(gains)])
         state = SearchState(both, tuple(steps), poor, frozenset())
-        return search._better_rival(state, split, (), None, WorkBudget.unlimited())
+        return better_rival._better_rival(state, split, (), None, WorkBudget.unlimited())
 
     delay = _contender(split, "transport_delay", 6.0, 6.0)
     assert better(delay, replace(good, model=plain)) == (0, rival)
@@ -197,11 +197,11 @@ def test_what_takes_a_finding_s_place_stands_beside_all_that_was_found_since(
         begun.append(start)
         return replace(settled, squared_error=0.5 * settled.squared_error)
 
-    monkeypatch.setattr(search, "fit_until_still", still)
+    monkeypatch.setattr(better_rival, "fit_until_still", still)
     gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
-    monkeypatch.setattr(search, "held_residuals", lambda *_: [next(gains)])
+    monkeypatch.setattr(better_rival, "held_residuals", lambda *_: [next(gains)])
     state = SearchState(ringing, (search.Step(plain, first, (), (), (rival,)), since), settled, frozenset())
-    better = search._better_rival(state, split, (), None, WorkBudget.unlimited())
+    better = better_rival._better_rival(state, split, (), None, WorkBudget.unlimited())
     assert better is not None
     assert {effect.name for effect in begun[0].effects} == {"transport_delay", "amplifier_bandwidth"}
     assert better[1].fitted.model is settled.model
@@ -239,8 +239,8 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
 
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(split: DataSplit) -> None:
     bent = _contender(split, "asymmetric_hysteresis", 2.7, 2.1)
-    assert decision.is_accepted(bent, 18)
-    assert not decision.is_accepted(replace(bent, is_distinguishable=False), 18)
+    assert acceptance.is_accepted(bent, 18)
+    assert not acceptance.is_accepted(replace(bent, is_distinguishable=False), 18)
 
 
 def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSplit) -> None:
@@ -258,10 +258,10 @@ def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSp
 def test_what_befell_a_record_is_asked_beside_those_that_screen_alike() -> None:
     alike = [name for name, kind in cause_classes().items() if not kind.is_record_bound][:12]
     screened = {name: 1.0 - 0.01 * k for k, name in enumerate(alike)}
-    asked = candidate._likely({**screened, "mains_hum": 0.35, "external_load": 0.1})
+    asked = worth_a_refit._likely({**screened, "mains_hum": 0.35, "external_load": 0.1})
     assert asked == [*alike[:8], "mains_hum"]
     # one of the eight it takes nobody's place
-    assert candidate._likely({**screened, "mains_hum": 2.0})[0] == "mains_hum"
+    assert worth_a_refit._likely({**screened, "mains_hum": 2.0})[0] == "mains_hum"
 
 
 @pytest.mark.parametrize(
@@ -273,8 +273,8 @@ def test_the_surer_of_score_and_likelihood_pays_for_the_number_of_causes(
 ) -> None:
     hum = _contender(split, "mains_hum", 2.0, 2.0)
     hum = replace(hum, score=replace(hum.score, p_value=p_value))
-    monkeypatch.setattr(decision, "gain_beyond_wander", lambda _model, _cause, _split: likelier_by)
-    assert decision.is_finding(hum, split, 18) is is_found
+    monkeypatch.setattr(acceptance, "gain_beyond_wander", lambda _model, _cause, _split: likelier_by)
+    assert acceptance.is_finding(hum, split, 18) is is_found
 
 
 @pytest.mark.parametrize(
@@ -288,8 +288,8 @@ def test_noise_of_one_record_foresees_nothing_of_another(
     record = split.train[0].recording
     asked = split_data((record,), record, None, 1e-3) if is_apart else split
     drift = replace(_contender(split, "thermal_drift", 3.0, held_gain), is_bound=is_bound)
-    monkeypatch.setattr(decision, "gain_beyond_wander", lambda _model, _cause, _split: 0.0)
-    assert decision.is_finding(drift, asked, 18) is is_found
+    monkeypatch.setattr(acceptance, "gain_beyond_wander", lambda _model, _cause, _split: 0.0)
+    assert acceptance.is_finding(drift, asked, 18) is is_found
 
 
 @pytest.mark.parametrize("left", [100.0, 1.0])
@@ -302,7 +302,7 @@ def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_m
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
     monkeypatch.setattr(search, "refitted", lambda _p, _s, by_cause, _e: tiers[names_from(by_cause[0][0].name)])
-    monkeypatch.setattr(search, "is_finding", lambda c, _split, n: decision.is_accepted(c, n))  # made up, not fitted
+    monkeypatch.setattr(search, "is_finding", lambda c, _split, n: acceptance.is_accepted(c, n))  # made up, not fitted
 
     def names_from(first: str) -> tuple[str, ...]:
         names = tuple(t.name for t in trials)
@@ -348,7 +348,7 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     monkeypatch.setattr(search, "any_pair", lambda *_: seen.append(("a pair",)))
     monkeypatch.setattr(
         search,
-        "_with_finding",
+        "with_finding",
         lambda state, accepted, *_: replace(state, steps=(*state.steps, steps[len(state.steps)])),
     )
     result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis.acceptance import is_no_wander
 from fomrc_core.diagnosis.candidate import candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, split_data
-from fomrc_core.diagnosis.decision import is_no_wander
 from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.judgement import Status
