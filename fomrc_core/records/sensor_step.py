@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from fomrc_core.compute.arrays import Array
@@ -21,9 +22,7 @@ def sensor_step_um(displacement_um: Array) -> float:
         displacement_um: readings [um], shape (n_samples,).
     """
     x = np.asarray(displacement_um, dtype=np.float64)
-    levels = np.unique(x[:: -(-x.size // _N_LOOKED_AT)])
-    rounding = _ROUNDING * float(np.max(np.abs(levels), initial=0.0))
-    levels = levels[np.concatenate(([True], np.diff(levels) > rounding))]
+    levels, _ = _levels_of(x[:: -(-x.size // _N_LOOKED_AT)])
     if levels.size < _N_LEVELS_MIN:
         return float("nan")
     above = levels - levels[0]
@@ -47,7 +46,7 @@ def recurring_step_um(displacement_um: Array) -> float:
 
     Readings of a coarse sensor come back; what comes once only may be a spike, and a dropout is one value in many.
     """
-    levels, counts = np.unique(displacement_um, return_counts=True)
+    levels, counts = _levels_of(displacement_um)
     levels = levels[counts > 1]
     if np.sum(counts[counts > 1]) < 0.5 * displacement_um.size or levels.size < _N_RECURRING_MIN:
         return float("nan")
@@ -59,6 +58,17 @@ def recurring_step_um(displacement_um: Array) -> float:
         if float(np.mean(on_lattice)) > 1.0 - _OFF_LATTICE:
             return step
     return float("nan")
+
+
+def _levels_of(readings_um: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the levels of readings, rising, and how often each was read, shapes (n_levels,).
+
+    A level from which something was taken since, as where a record begins, is the same to rounding only.
+    """
+    values, counts = np.unique(readings_um, return_counts=True)
+    rounding = _ROUNDING * float(np.max(np.abs(values), initial=0.0))
+    first = np.flatnonzero(np.concatenate(([True], np.diff(values) > rounding)))
+    return values[first], np.add.reduceat(counts, first)
 
 
 def unquantised_variance_um2(seen_um2: float, step_um: float) -> float:

@@ -71,6 +71,9 @@ def reading_faults(recording: Recording) -> list[DataFault]:
 def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     """Return the same from what a model has left of a record: there smaller spikes stand out.
 
+    Where more than a tenth of the readings would be left out none is: the readings had nothing wrong with them by
+    themselves, and it is the model that misses so many.
+
     Args:
         recording: the record, as ``examine`` gave it.
         residual_um: measured minus simulated [um], shape (n_samples,).
@@ -83,6 +86,7 @@ def examine_residual(recording: Recording, residual_um: Array) -> Examined:
     is_spike = find_excursions(around) & valid
     is_spike &= ~_stand_still(recording.measured_um, left, is_spike, around.floor_um)
     is_spike &= ~made_by_drive(is_spike, recording.voltage_v)
+    is_spike &= np.count_nonzero(~valid | is_spike) <= _MASKED_SHARE_MAX * recording.n_samples
     faults: tuple[DataFault, ...] = ()
     if np.any(is_spike):
         faults = (_fault(FaultKind.SPIKES, is_spike, recording, np.abs(left - bridged(left, ~is_spike))),)

@@ -51,6 +51,26 @@ def test_a_stage_that_stands_for_few_samples_and_creeps_is_not_left_out() -> Non
     assert _found(moved_um, readings_um).size == 0
 
 
+@pytest.mark.parametrize("seed", [6, 20, 47])
+def test_what_a_model_misses_in_more_than_a_tenth_of_a_record_is_no_fault_of_its_sensor(seed: int) -> None:
+    """Two periods of a few tones, an amplifier at its ends at both tips, and a model that knows of no end."""
+    at, rng = np.arange(150), np.random.default_rng(seed)
+    tones = [(rng.uniform(0.3, 1.0), rng.uniform(0.0, 6.28)) for _ in range(4)]
+    moved_um = sum((a * np.sin(2.0 * np.pi * (k + 1) * at / 69 + b) for k, (a, b) in enumerate(tones)), np.zeros(150))
+    moved_um -= np.mean(moved_um)
+    ordered_um, noise_um = np.sort(moved_um), rng.normal(0.0, 1e-3, 150)
+    ends_um = np.clip(moved_um, ordered_um[8], ordered_um[-9])
+    record = Recording(at * STEP_S, 10.0 * moved_um, ends_um + noise_um, name="stage")
+    examined = examine_residual(record, record.measured_um - moved_um)
+    assert examined.quality.faults == ()
+    assert np.array_equal(examined.recording.measured_um, record.measured_um)
+    # one reading that was wrong is still left out
+    wrong_um = moved_um + np.where(at == 75, 0.1, 0.0)
+    record = Recording(at * STEP_S, 10.0 * moved_um, wrong_um + noise_um, name="stage")
+    (fault,) = examine_residual(record, record.measured_um - moved_um).quality.faults
+    assert list(fault.samples) == [75]
+
+
 def _sawtooth(n: int = 4000) -> np.ndarray:
     """Return a slow sine with fast teeth on it: no two tips at one drive value."""
     at = np.arange(n)
