@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fomrc_core.diagnosis import acceptance, better_rival, decision, pair_search, search, worth_a_refit
+from fomrc_core.diagnosis import acceptance, decision, pair_search, search, worth_a_refit
 from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, split_data
 from fomrc_core.diagnosis.held_out_score import HeldOutScore
@@ -17,38 +17,17 @@ from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.work_budget import WorkBudget
 from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
 from fomrc_core.effects.intermittent_contact import IntermittentContact
-from fomrc_core.effects.mechanical_resonance import MechanicalResonance
 from fomrc_core.effects.thermal_drift import ThermalDrift
-from fomrc_core.effects.transport_delay import TransportDelay
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes
-from fomrc_core.records.excitation import triangle
-from fomrc_core.records.recording import Recording
-
-_BEFORE_UM = 0.016
+from test.core.diagnosis.contenders import contender, split_of_triangles
 
 
 @pytest.fixture(scope="module")
 def split() -> DataSplit:
-    drive = triangle(1.0, slope_v_per_s=2.0, n_cycles=3, rate_hz=500.0)
-    noise_um = np.random.default_rng(1).normal(0.0, 1e-3, drive.voltage_v.size)
-    record = Recording(drive.time_s, drive.voltage_v, 2.0 * drive.voltage_v + noise_um)
-    return split_data((record,), None, None, 1e-3)
-
-
-def _contender(split: DataSplit, cause: str, train_gain: float, held_gain: float, n_free: int = 1) -> Candidate:
-    """Return a candidate that leaves white noise of the size its training gain says."""
-    size_um = _BEFORE_UM * math.exp(-0.5 * train_gain)
-    n = split.train[0].time_s.size
-    left = np.random.default_rng(2).normal(0.0, size_um, n)
-    chain = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((),))
-    squared_error = float(np.sum(left[split.train[0].is_used] ** 2))
-    fitted = Refit(chain, squared_error, (), (np.zeros((n, 0)),), (left,), True)
-    rms_um = _BEFORE_UM * math.exp(-0.5 * held_gain)
-    score = HeldOutScore(held_gain, 0.0, 1e-20, _BEFORE_UM, rms_um)
-    return Candidate(cause, fitted, score, train_gain, (), n_free)
+    return split_of_triangles()
 
 
 def _named(split: DataSplit, first: Candidate, *others: Candidate) -> str:
@@ -56,33 +35,33 @@ def _named(split: DataSplit, first: Candidate, *others: Candidate) -> str:
 
 
 def test_after_a_poor_drive_what_reaches_the_noise_in_training_is_taken(split: DataSplit) -> None:
-    delay = _contender(split, "transport_delay", 4.27, 4.99)
-    assert _named(split, delay, _contender(split, "amplifier_bandwidth", 5.58, 4.08)) == "amplifier_bandwidth"
+    delay = contender(split, "transport_delay", 4.27, 4.99)
+    assert _named(split, delay, contender(split, "amplifier_bandwidth", 5.58, 4.08)) == "amplifier_bandwidth"
     # a gain in training smaller than the loss held out is none
-    assert _named(split, delay, _contender(split, "amplifier_bandwidth", 4.8, 4.08)) == "transport_delay"
+    assert _named(split, delay, contender(split, "amplifier_bandwidth", 4.8, 4.08)) == "transport_delay"
 
 
 def test_blocks_of_its_own_record_are_an_easier_test_than_another_record(split: DataSplit) -> None:
-    drift = _contender(split, "thermal_drift", 0.36, 0.82)
-    relaxation = _contender(split, "slow_relaxation", 0.65, 0.11)
+    drift = contender(split, "thermal_drift", 0.36, 0.82)
+    relaxation = contender(split, "slow_relaxation", 0.65, 0.11)
     assert _named(split, replace(drift, is_bound=True), relaxation) == "slow_relaxation"
     assert _named(split, drift, relaxation) == "thermal_drift"
 
 
 def test_what_leaves_surely_less_than_events_of_a_record_is_likelier_than_they_are(split: DataSplit) -> None:
     """A record's own blocks are an easy test, and each time of an event is a parameter."""
-    opened = _contender(split, "intermittent_contact", 2.1, 2.3, n_free=0)
+    opened = contender(split, "intermittent_contact", 2.1, 2.3, n_free=0)
     lead = IntermittentContact(opens_s=(0.1, 0.3), closes_s=(0.2, 0.4))
     opened = replace(
         opened, is_bound=True, fitted=replace(opened.fitted, model=opened.fitted.model.with_cause(lead, 0))
     )
     assert opened.n_parameters == 4
-    ends = _contender(split, "amplifier_saturation", 2.9, 0.5, n_free=2)
+    ends = contender(split, "amplifier_saturation", 2.9, 0.5, n_free=2)
     assert _named(split, opened, ends) == "amplifier_saturation"
     assert _named(split, opened, replace(ends, is_plausible=False)) == "intermittent_contact"
     # as much by four parameters more than the times are is chance
-    assert _named(split, opened, _contender(split, "creep_law", 2.101, 0.5, n_free=8)) == "intermittent_contact"
-    assert _named(split, opened, _contender(split, "amplifier_saturation", 1.9, 2.2)) == "intermittent_contact"
+    assert _named(split, opened, contender(split, "creep_law", 2.101, 0.5, n_free=8)) == "intermittent_contact"
+    assert _named(split, opened, contender(split, "amplifier_saturation", 1.9, 2.2)) == "intermittent_contact"
 
 
 def test_an_exchange_that_ends_worse_in_training_and_held_out_is_none(split: DataSplit) -> None:
@@ -104,44 +83,44 @@ def test_an_exchange_that_ends_worse_in_training_and_held_out_is_none(split: Dat
 
 
 def test_more_parameters_are_no_likelier_cause(split: DataSplit) -> None:
-    lag = _contender(split, "amplifier_bandwidth", 4.0, 4.0)
-    assert _named(split, lag, _contender(split, "mechanical_resonance", 5.0, 4.0, n_free=2)) == "amplifier_bandwidth"
-    assert _named(split, lag, _contender(split, "asymmetric_hysteresis", 6.0, 4.0)) == "amplifier_bandwidth"
+    lag = contender(split, "amplifier_bandwidth", 4.0, 4.0)
+    assert _named(split, lag, contender(split, "mechanical_resonance", 5.0, 4.0, n_free=2)) == "amplifier_bandwidth"
+    assert _named(split, lag, contender(split, "asymmetric_hysteresis", 6.0, 4.0)) == "amplifier_bandwidth"
 
 
 def test_of_two_that_held_out_data_hardly_tell_apart_the_likelier_is_taken(split: DataSplit) -> None:
-    ringing = _contender(split, "mechanical_resonance", 6.80, 6.59, n_free=2)
-    assert _named(split, ringing, _contender(split, "transport_delay", 6.82, 6.53)) == "transport_delay"
+    ringing = contender(split, "mechanical_resonance", 6.80, 6.59, n_free=2)
+    assert _named(split, ringing, contender(split, "transport_delay", 6.82, 6.53)) == "transport_delay"
     # as likely as the first: nothing to choose by
-    assert _named(split, ringing, _contender(split, "transport_delay", 6.80, 6.53)) == "mechanical_resonance"
+    assert _named(split, ringing, contender(split, "transport_delay", 6.80, 6.53)) == "mechanical_resonance"
 
 
 def test_a_special_case_that_leaves_twice_as_much_in_training_does_not_do_as_well(split: DataSplit) -> None:
     # a hum that nobody follows in the held-out record hides there what a capacitance adds to a plain lag
     hum_um = 0.05 * np.sin(0.3 * np.arange(4000))
     noise_um = np.random.default_rng(5).normal(0.0, 1e-3, (2, 4000))
-    plain = replace(_contender(split, "amplifier_bandwidth", 2.0, 2.30), held=(hum_um + 3e-3 + noise_um[0],))
-    wider = replace(_contender(split, "voltage_dependent_capacitance", 5.5, 2.31), held=(hum_um + noise_um[1],))
+    plain = replace(contender(split, "amplifier_bandwidth", 2.0, 2.30), held=(hum_um + 3e-3 + noise_um[0],))
+    wider = replace(contender(split, "voltage_dependent_capacitance", 5.5, 2.31), held=(hum_um + noise_um[1],))
     assert decision.held_out_score(list(plain.held), list(wider.held)).log_gain < 0.08
     assert decision.is_surely_better(wider, plain)
     assert decision.simplest(wider, [wider, plain], split, 18) is wider
     # less than half of what is left is what one more parameter takes of what something else does
-    assert not decision.is_surely_better(replace(wider, fitted=_contender(split, "x", 2.6, 2.3).fitted), plain)
+    assert not decision.is_surely_better(replace(wider, fitted=contender(split, "x", 2.6, 2.3).fitted), plain)
     # and held-out data must not speak against it
     assert not decision.is_surely_better(replace(wider, held=(1.01 * plain.held[0],)), plain)
 
 
 def test_rivals_are_those_that_did_nearly_as_well(split: DataSplit) -> None:
-    first = _contender(split, "mechanical_resonance", 4.15, 2.77, n_free=2)
-    near = _contender(split, "transport_delay", 4.16, 2.76)
-    far = _contender(split, "amplifier_bandwidth", 2.99, 2.03)
+    first = contender(split, "mechanical_resonance", 4.15, 2.77, n_free=2)
+    near = contender(split, "transport_delay", 4.16, 2.76)
+    far = contender(split, "amplifier_bandwidth", 2.99, 2.03)
     assert [c.cause for c in decision.rivals_of(first, [first, near, far])] == ["transport_delay"]
 
 
 def test_beside_a_cause_only_those_are_asked_that_its_model_has_not(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = _contender(split, "transport_delay", 3.0, 3.0)
+    first = contender(split, "transport_delay", 3.0, 3.0)
     model = first.fitted.model.with_cause(AmplifierBandwidth(112.0))
     first = replace(first, fitted=replace(first.fitted, model=model))
     asked: list[tuple[str, ...]] = []
@@ -152,67 +131,12 @@ def test_beside_a_cause_only_those_are_asked_that_its_model_has_not(
     assert asked == [("dead_zone",)]
 
 
-def test_a_finding_is_asked_again_once_its_rival_has_been_found_too(
-    split: DataSplit, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # a resonance beyond its damping stood in for a delay until the amplifier beside it was known
-    first = _contender(split, "mechanical_resonance", 3.91, 3.20, n_free=2)
-    rival = _contender(split, "amplifier_bandwidth", 3.66, 3.19)
-    none_yet = first.fitted.model.with_cause(MechanicalResonance(433.0, 0.68))
-    steps = [search.Step(first.fitted.model, first, (), (), (rival,)), search.Step(none_yet, rival, (), ())]
-    both = none_yet.with_cause(AmplifierBandwidth(112.0))
-    plain = first.fitted.model
-    poor, good = (replace(rival.fitted, squared_error=rival.fitted.squared_error * share) for share in (1.0, 0.5))
-
-    def better(beside: Candidate, settled: Refit) -> tuple[int, Candidate] | None:
-        monkeypatch.setattr(better_rival, "best_beside", lambda *_: beside)
-        monkeypatch.setattr(better_rival, "fit_until_still", lambda *_: settled)
-        gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
-        monkeypatch.setattr(better_rival, "held_residuals", lambda *_: [next(gains)])
-        state = SearchState(both, tuple(steps), poor, frozenset())
-        return better_rival._better_rival(state, split, (), None, WorkBudget.unlimited())
-
-    delay = _contender(split, "transport_delay", 6.0, 6.0)
-    assert better(delay, replace(good, model=plain)) == (0, rival)
-    assert better(delay, replace(poor, model=plain)) is None
-    # the same two in another order: nothing gained
-    assert better(first, replace(good, model=plain)) is None
-
-
-def test_what_takes_a_finding_s_place_stands_beside_all_that_was_found_since(
-    split: DataSplit, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # the load that was found behind a sensor's pole is right behind the amplifier's as well: it is not sought again
-    first = _contender(split, "mechanical_resonance", 3.91, 3.20)
-    plain = first.fitted.model
-    delay = plain.with_cause(TransportDelay(2e-3))
-    rival = _contender(split, "transport_delay", 3.66, 3.19)
-    rival = replace(rival, fitted=replace(rival.fitted, model=delay))
-    since = search.Step(plain.with_cause(MechanicalResonance(433.0, 0.68)), _contender(split, "x", 1.0, 1.0), (), ())
-    ringing = plain.with_cause(MechanicalResonance(433.0, 0.68)).with_cause(AmplifierBandwidth(112.0))
-    settled = replace(rival.fitted, model=delay.with_cause(AmplifierBandwidth(112.0)))
-    begun: list[TrialModel] = []
-
-    def still(start: TrialModel, *_: object) -> Refit:
-        begun.append(start)
-        return replace(settled, squared_error=0.5 * settled.squared_error)
-
-    monkeypatch.setattr(better_rival, "fit_until_still", still)
-    gains = iter((np.full(200, 2e-3), np.random.default_rng(3).normal(0.0, 1e-3, 200)))
-    monkeypatch.setattr(better_rival, "held_residuals", lambda *_: [next(gains)])
-    state = SearchState(ringing, (search.Step(plain, first, (), (), (rival,)), since), settled, frozenset())
-    better = better_rival._better_rival(state, split, (), None, WorkBudget.unlimited())
-    assert better is not None
-    assert {effect.name for effect in begun[0].effects} == {"transport_delay", "amplifier_bandwidth"}
-    assert better[1].fitted.model is settled.model
-
-
 def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_asked(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # a slew limit beside a resonance: held out are triangles, which tell of neither as a dense record does
-    accepted = _contender(split, "rate_dependent_hysteresis", 0.09, 0.41)
-    slewing = _contender(split, "amplifier_slew_limit", 0.42, 0.15)
+    accepted = contender(split, "rate_dependent_hysteresis", 0.09, 0.41)
+    slewing = contender(split, "amplifier_slew_limit", 0.42, 0.15)
     state = SearchState(accepted.fitted.model, (), accepted.fitted, frozenset())
     both = replace(state, tried=frozenset({"amplifier_slew_limit"}))
 
@@ -225,20 +149,20 @@ def test_where_training_and_held_out_data_speak_for_different_causes_a_pair_is_a
         among = pair_search.Round(state, [accepted, *candidates], split, (), 18, None)
         return pair_search.or_pair((state, accepted), among)[1].cause
 
-    ringing = _contender(split, "mechanical_resonance", 10.0, 4.6)
+    ringing = contender(split, "mechanical_resonance", 10.0, 4.6)
     assert asked(ringing, slewing) == "mechanical_resonance"
-    assert asked(_contender(split, "mechanical_resonance", 10.0, 0.3), slewing) == "rate_dependent_hysteresis"
-    assert asked(_contender(split, "mechanical_resonance", 0.05, 4.6), slewing) == "rate_dependent_hysteresis"
+    assert asked(contender(split, "mechanical_resonance", 10.0, 0.3), slewing) == "rate_dependent_hysteresis"
+    assert asked(contender(split, "mechanical_resonance", 0.05, 4.6), slewing) == "rate_dependent_hysteresis"
     assert asked(None, slewing) == "rate_dependent_hysteresis"
     # two explain more than one: what was chosen gets a second as well
-    assert asked(ringing, slewing, own=_contender(split, "dead_zone", 12.0, 4.0)) == "rate_dependent_hysteresis"
-    assert asked(ringing, slewing, own=_contender(split, "dead_zone", 9.0, 4.0)) == "mechanical_resonance"
+    assert asked(ringing, slewing, own=contender(split, "dead_zone", 12.0, 4.0)) == "rate_dependent_hysteresis"
+    assert asked(ringing, slewing, own=contender(split, "dead_zone", 9.0, 4.0)) == "mechanical_resonance"
     # another that training data hardly prefer is no reason to ask
-    assert asked(ringing, _contender(split, "amplifier_slew_limit", 0.3, 0.15)) == "rate_dependent_hysteresis"
+    assert asked(ringing, contender(split, "amplifier_slew_limit", 0.3, 0.15)) == "rate_dependent_hysteresis"
 
 
 def test_what_a_repeated_loop_cannot_tell_is_not_accepted(split: DataSplit) -> None:
-    bent = _contender(split, "asymmetric_hysteresis", 2.7, 2.1)
+    bent = contender(split, "asymmetric_hysteresis", 2.7, 2.1)
     assert acceptance.is_accepted(bent, 18)
     assert not acceptance.is_accepted(replace(bent, is_distinguishable=False), 18)
 
@@ -249,7 +173,7 @@ def test_a_tie_with_what_belongs_to_one_record_is_asked_on_another(split: DataSp
     chain = TrialModel(ColumnKinds.plays(np.array([0.0])), np.array([2.0]), 0.0, (), ((), ()))
     n = record.time_s.size
     alike, far = (np.random.default_rng(4).normal(0.0, size_um, n) for size_um in (1e-3, 5e-3))
-    tied = [replace(_contender(split, c, 4.0, 4.0), held=(v,)) for c, v in (("dead_zone", alike), ("clock_skew", far))]
+    tied = [replace(contender(split, c, 4.0, 4.0), held=(v,)) for c, v in (("dead_zone", alike), ("clock_skew", far))]
     assert [c.cause for c in decision.still_tied(chain, tied, apart)] == ["dead_zone"]
     # blocks of its own record are no other record
     assert decision.still_tied(chain, tied, split) == tied
@@ -271,7 +195,7 @@ def test_what_befell_a_record_is_asked_beside_those_that_screen_alike() -> None:
 def test_the_surer_of_score_and_likelihood_pays_for_the_number_of_causes(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, p_value: float, likelier_by: float, is_found: bool
 ) -> None:
-    hum = _contender(split, "mains_hum", 2.0, 2.0)
+    hum = contender(split, "mains_hum", 2.0, 2.0)
     hum = replace(hum, score=replace(hum.score, p_value=p_value))
     monkeypatch.setattr(acceptance, "gain_beyond_wander", lambda _model, _cause, _split: likelier_by)
     assert acceptance.is_finding(hum, split, 18) is is_found
@@ -287,7 +211,7 @@ def test_noise_of_one_record_foresees_nothing_of_another(
     """A drift after a recorded temperature is as slow as noise that wanders, and leaves half of another record."""
     record = split.train[0].recording
     asked = split_data((record,), record, None, 1e-3) if is_apart else split
-    drift = replace(_contender(split, "thermal_drift", 3.0, held_gain), is_bound=is_bound)
+    drift = replace(contender(split, "thermal_drift", 3.0, held_gain), is_bound=is_bound)
     monkeypatch.setattr(acceptance, "gain_beyond_wander", lambda _model, _cause, _split: 0.0)
     assert acceptance.is_finding(drift, asked, 18) is is_found
 
@@ -296,8 +220,8 @@ def test_noise_of_one_record_foresees_nothing_of_another(
 def test_what_looks_less_likely_is_asked_where_the_likeliest_is_no_finding_and_much_is_left(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float
 ) -> None:
-    load = replace(_contender(split, "external_load", 5.0, 5.0), is_plausible=False)
-    leak = _contender(split, "charge_leak", 2.0, 2.0)
+    load = replace(contender(split, "external_load", 5.0, 5.0), is_plausible=False)
+    leak = contender(split, "charge_leak", 2.0, 2.0)
     tiers = {("external_load", "charge_leak"): [load], ("charge_leak",): [leak], (): []}
     trials = tuple(SimpleNamespace(name=c.cause) for c in (load, leak))
     monkeypatch.setattr(search, "worth_a_refit", lambda _present, _split, screened: [[t] for t in screened[:1]])
@@ -325,7 +249,7 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(search, "AS_NOISE", 0.0)  # something is left, else what was found first is compared at once
-    first, second, rival = (_contender(split, c, 4.0, 4.0) for c in ("unequal_lag", "dead_zone", "transport_delay"))
+    first, second, rival = (contender(split, c, 4.0, 4.0) for c in ("unequal_lag", "dead_zone", "transport_delay"))
     start = first.fitted.model
     steps = tuple(search.Step(start, c, (), ()) for c in (first, second))
     answers = iter([search.LastLook(steps, (0, rival)), search.LastLook((), None)])
@@ -359,7 +283,7 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
 def test_the_last_look_sees_held_out_records_with_what_is_their_own(
     split: DataSplit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = _contender(split, "transport_delay", 4.0, 4.0)
+    found = contender(split, "transport_delay", 4.0, 4.0)
     followed = replace(found.fitted.model, record_effects=((), (ThermalDrift(um_per_s=1e-3),)))
     state = SearchState(followed, (search.Step(found.fitted.model, found, (), ()),), found.fitted, frozenset())
     seen: list[TrialModel] = []
@@ -377,7 +301,7 @@ def test_the_last_look_sees_held_out_records_with_what_is_their_own(
 def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarray) -> tuple[float, float]:
     """Return both margins of a candidate that leaves the noise, where the model before it leaves an effect as well."""
     before = noise_um + effect_um
-    left = replace(_contender(split, "transport_delay", 0.0, 0.0).fitted, residual=(noise_um,))
+    left = replace(contender(split, "transport_delay", 0.0, 0.0).fitted, residual=(noise_um,))
     gain = math.log(float(before @ before) / float(noise_um @ noise_um))
     score = HeldOutScore(gain, 0.0, 1e-20, 1.0, 1.0)
     found = Candidate("transport_delay", left, score, gain, (), 1, before=(before,))
@@ -385,9 +309,9 @@ def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarra
 
 
 def test_where_only_training_compares_two_each_parameter_costs(split: DataSplit) -> None:
-    past = replace(_contender(split, "initial_state", 4.0, 4.0), is_bound=True, held=(np.ones(100),))
-    few = _contender(split, "slow_relaxation", 4.01, 4.0, n_free=1)
-    many = _contender(split, "asymmetric_hysteresis", 4.01, 4.0, n_free=40)
+    past = replace(contender(split, "initial_state", 4.0, 4.0), is_bound=True, held=(np.ones(100),))
+    few = contender(split, "slow_relaxation", 4.01, 4.0, n_free=1)
+    many = contender(split, "asymmetric_hysteresis", 4.01, 4.0, n_free=40)
     margins = [decision.margin_of(past, [past, other], split) for other in (few, many)]
     per_parameter = 0.5 * math.log(split.n_used)
     assert margins[0] < 0.0 < margins[1]
