@@ -9,8 +9,7 @@ from fomrc_core.diagnosis.base_model import base_model
 from fomrc_core.diagnosis.data_split import split_data
 from fomrc_core.diagnosis.findings import smallest_detectable
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.worth_a_refit import held_view
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.model.causes import cause_classes
 from fomrc_core.records.recording import Recording
 

@@ -27,10 +27,9 @@ from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import kin_left_out, with_kin
 from fomrc_core.diagnosis.pair_search import SPEAKS_UP, best_beside, score_of_pair
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.diagnosis.search_state import AS_NOISE
 from fomrc_core.diagnosis.step import Step
-from fomrc_core.diagnosis.worth_a_refit import held_view
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.model.causes import cause_classes
 

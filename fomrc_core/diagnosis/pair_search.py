@@ -16,11 +16,10 @@ from fomrc_core.diagnosis.nothing_left import nothing_is_left
 from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
-from fomrc_core.diagnosis.screening import Screened, screen
+from fomrc_core.diagnosis.screening import Screened, held_view, screen
 from fomrc_core.diagnosis.search_state import SearchState
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.work_budget import CAUSES, PAIRS, WorkBudget
-from fomrc_core.diagnosis.worth_a_refit import held_view
 from fomrc_core.errors import ParameterError
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel

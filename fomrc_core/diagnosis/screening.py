@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.compute.least_squares import normal_equations, product, whitening_of
 from fomrc_core.compute.pulse import beat
-from fomrc_core.diagnosis.data_split import HeldOut
+from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.quick_view import QuickView
 from fomrc_core.effects import Effect, Stage, is_foreign
@@ -132,6 +132,12 @@ class HeldView:
         if not power > 0.0 or not (takes_either_sign or moment > 0.0):
             return 0.0
         return moment**2 / power
+
+
+def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
+    """Return the held-out record under a model; None where blocks of the training records are held out."""
+    apart = [part for part in split.held if part.index >= len(split.train)]
+    return HeldView.of(model, apart[0]) if apart else None
 
 
 def screen(

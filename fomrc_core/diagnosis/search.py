@@ -20,13 +20,13 @@ from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
 from fomrc_core.diagnosis.pair_search import Round, any_pair, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import Screened, screen
+from fomrc_core.diagnosis.screening import Screened, held_view, screen
 from fomrc_core.diagnosis.search_state import AS_NOISE, SearchState, with_rival, without_finding, without_wander
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.unseated import with_unseating
 from fomrc_core.diagnosis.with_finding import with_finding
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, WorkBudget
-from fomrc_core.diagnosis.worth_a_refit import held_view, worth_a_refit
+from fomrc_core.diagnosis.worth_a_refit import worth_a_refit
 from fomrc_core.fitting.joint_fit import Refit, refit
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.causes import cause_classes

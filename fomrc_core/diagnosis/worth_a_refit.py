@@ -7,8 +7,7 @@ import numpy as np
 from fomrc_core.diagnosis.data_split import MUCH_LEFT, DataSplit, held_squared_error
 from fomrc_core.diagnosis.leverage import expected_excess
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
-from fomrc_core.diagnosis.screening import HeldView, Screened
-from fomrc_core.fitting.trial_model import TrialModel
+from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.model.causes import cause_classes
 
 _MAX_CANDIDATES = 8  # refitted in one round: as many as there are kinds of lag, which screen alike
@@ -73,9 +72,3 @@ def _likely(explained: dict[str, float]) -> list[str]:
     # what befalls a record follows no drive: none of those that screen alike stands for it
     befalls = [name for name in names[_MAX_CANDIDATES:] if cause_classes()[name].is_record_bound]
     return names[:_MAX_CANDIDATES] + befalls
-
-
-def held_view(model: TrialModel, split: DataSplit) -> HeldView | None:
-    """Return the held-out record under a model; None where blocks of the training records are held out."""
-    apart = [part for part in split.held if part.index >= len(split.train)]
-    return HeldView.of(model, apart[0]) if apart else None

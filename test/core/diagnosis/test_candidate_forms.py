@@ -8,8 +8,7 @@ import pytest
 from fomrc_core.diagnosis.candidate import Candidate, candidates_for
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.worth_a_refit import held_view
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.effects.asymmetric_hysteresis import AsymmetricHysteresis
 from fomrc_core.effects.creep_law import CreepLaw
 from fomrc_core.fitting.base_fit import rebased, threshold_grid

@@ -12,8 +12,7 @@ from fomrc_core.diagnosis.candidate import Candidate, candidates_for
 from fomrc_core.diagnosis.data_split import split_data
 from fomrc_core.diagnosis.events_or_plays import events_in_place_of_plays
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.worth_a_refit import held_view
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.fitting.joint_fit import fit_until_still
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel

@@ -13,8 +13,7 @@ from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.worth_a_refit import held_view
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.recording import Recording

@@ -11,8 +11,7 @@ import pytest
 from fomrc_core.diagnosis.data_split import DataSplit, split_data
 from fomrc_core.diagnosis.pair_fits import fitted_pairs
 from fomrc_core.diagnosis.present_model import PresentModel
-from fomrc_core.diagnosis.screening import screen
-from fomrc_core.diagnosis.worth_a_refit import held_view
+from fomrc_core.diagnosis.screening import held_view, screen
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.model.prehistory import Prehistory
