@@ -2,9 +2,10 @@
 
 Where an amplifier saturates, or a stage meets a stop, a model that knows of neither misses a sample or two at the tip
 of each fast swing; where it knows of no delay it misses one after each step of a staircase. A sensor's faults do not
-know what the drive does. So excursions are the drive's where they lie within a narrow range of what it does, more
-narrow than chance allows, and come more often than not when the drive is there: readings that were late stand out only
-where the drive is fast, but few of those that are fast were late.
+know what the drive does. So excursions are the drive's where they lie within a narrow range of what it does (where it
+is, how far from the nearer of its ends, how fast it moves), more narrow than chance allows, and come more often than
+not when the drive is there: readings that were late stand out only where the drive is fast, but few of those that are
+fast were late.
 
 The chance is that of a scan statistic, bounded as by Naus (J. Am. Stat. Assoc. 60 (1965) 532-538): the windows that
 hold so many, each as likely as the points in it.
@@ -26,7 +27,7 @@ _LEAST_OFTEN = 0.5  # of the times the drive is there
 
 
 def made_by_drive(is_excursion: Mask, voltage_v: Array) -> Mask:
-    """Return which excursions befall one place or one step of the drive too often for chance, shape (n_samples,).
+    """Return which excursions befall one place, the ends or one step of the drive too often, shape (n_samples,).
 
     Args:
         is_excursion: samples that are excursions, shape (n_samples,).
@@ -37,12 +38,14 @@ def made_by_drive(is_excursion: Mask, voltage_v: Array) -> Mask:
     steps_v = np.abs(np.diff(voltage_v, prepend=voltage_v[:1]))
     # as far off as a burst lasts: readings may be late, and where two clocks differ early as well
     about_v = maximum_filter1d(steps_v, 2 * N_BURST_MAX + 1, mode="nearest")
+    # an amplifier has an end on either side: two places, and as near to an end of what the drive does
+    to_end_v = np.minimum(voltage_v - np.min(voltage_v), np.max(voltage_v) - voltage_v)
     bursts = runs_of(is_excursion)
     found: Mask = np.zeros(is_excursion.size, dtype=np.bool_)
     if bursts.shape[0] < _LEAST_BURSTS:
         return found
     likeliest = 0.0
-    for done_v in (voltage_v, about_v):
+    for done_v in (voltage_v, to_end_v, about_v):
         low_v, high_v, log_chance = _narrowest(done_v, bursts)
         is_there = (done_v >= low_v) & (done_v <= high_v)
         if log_chance < min(likeliest, np.log(_FALSE_ALARMS)) and _how_often(is_there, is_excursion) >= _LEAST_OFTEN:

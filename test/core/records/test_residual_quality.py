@@ -91,6 +91,21 @@ def test_excursions_at_the_tips_of_a_drive_are_no_faults_of_the_sensor(scale: fl
     assert not np.any(found & elsewhere)
 
 
+@pytest.mark.parametrize("lower_share", [0.5, 1.0])
+@pytest.mark.parametrize("seed", [2, 9, 24])
+def test_excursions_at_both_ends_of_a_drive_are_no_faults_of_the_sensor(seed: int, lower_share: float) -> None:
+    """Both tips of quick swings: two places of the drive, of which neither has most of the excursions."""
+    at, rng = np.arange(3000), np.random.default_rng(seed)
+    voltage_v = (1.0 + 0.2 * np.sin(at / 700.0)) * (np.abs((at / 11.0 + rng.uniform(0.0, 2.0)) % 2.0 - 1.0) - 0.5)
+    is_tip = (voltage_v > np.quantile(voltage_v, 0.985)) | (voltage_v < np.quantile(voltage_v, 0.015 * lower_share))
+    wrong = rng.choice(np.flatnonzero(np.abs(voltage_v) < 0.3), 4, replace=False)  # far from the ends
+    is_excursion = is_tip.copy()
+    is_excursion[wrong] = True
+    found = made_by_drive(is_excursion, voltage_v)
+    assert np.count_nonzero(found & is_tip) > 0.9 * np.count_nonzero(is_tip)
+    assert not np.any(found[wrong])
+
+
 @pytest.mark.parametrize("n_spikes", [1, 3, 5, 20, 100])
 @pytest.mark.parametrize("drive", ["teeth", "mostly at rest"])
 def test_spikes_at_random_times_stay_faults_whatever_the_drive(n_spikes: int, drive: str) -> None:
