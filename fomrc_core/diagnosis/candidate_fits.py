@@ -13,6 +13,7 @@ import numpy as np
 
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
+from fomrc_core.diagnosis.held_out_score import SURE
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, foreseen_gain
@@ -25,6 +26,7 @@ from fomrc_core.fitting.trial_model import TrialModel
 _HOPELESS = 4.0  # times the least squared error so far: twice its rms after some iterations is another valley
 _FIRST_ITERATIONS = 3  # of all starts
 _FAR_BEHIND = 1.5  # times the squared error of the best start after the first iterations
+_MOST_CHOICES = 4  # of plays anew, one after the other: hardly any gains after the third
 _LARGE = 0.5  # of the squared error is left by an effect beside which the plays must be chosen anew
 _SAME_VALLEY = 0.02  # of what two starts explain: if their residuals differ by less power, they end alike
 
@@ -215,8 +217,19 @@ def _best_of_forms(fits: list[Refit]) -> list[Refit]:
 
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
-    """Return the refit with plays chosen anew, where it moved much or not to the end."""
+    """Return the refit with plays chosen anew, where it moved much or not to the end, until that surely gains no more.
+
+    Plays that were chosen while an effect was hidden bend to it, and those chosen beside what they left of it again.
+    """
     if fitted.squared_error > _LARGE * error and fitted.is_converged:
         return fitted
-    again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
-    return again if again.squared_error < fitted.squared_error else fitted
+    for _ in range(_MOST_CHOICES):
+        again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
+        if again.squared_error >= fitted.squared_error:
+            return fitted
+        n_independent = split.n_used / residual_inflation(again.residual, split.train)
+        is_sure = n_independent * math.log(fitted.squared_error / again.squared_error) > SURE
+        fitted = again
+        if not is_sure:
+            break
+    return fitted

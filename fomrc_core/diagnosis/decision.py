@@ -99,7 +99,7 @@ def ties_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit
     leaves_noise = _leaves_noise(winner, split)
     tied = []
     for other in candidates:
-        if other is winner:
+        if other.cause == winner.cause:
             continue
         if not other.score.is_worthwhile() or not other.is_plausible:
             continue
@@ -152,6 +152,15 @@ def _behind(candidate: Candidate, other: Candidate, split: DataSplit) -> float:
     return 0.5 * (likelier_by(other, candidate.fitted.residual, candidate.held, split) - ahead)
 
 
+def _compared_with(winner: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the plausible candidates of another name, which the winner's is not a special case of.
+
+    An event that took the place of plays stands among them as it was before: it is no rival of its own.
+    """
+    plausible = [other for other in candidates if other.is_plausible and other.cause != winner.cause]
+    return [other for other in plausible if cause_classes()[other.cause].generalizes != winner.cause]
+
+
 def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSplit) -> float:
     """Return by how much the winner is likelier than the next plausible candidate, in log likelihood [1].
 
@@ -162,9 +171,7 @@ def margin_of(winner: Candidate, candidates: Sequence[Candidate], split: DataSpl
     n_train = _n_effective(winner.fitted, split)
     n_held = sum(mine.size / autocorrelation_inflation(mine) for mine in winner.held)
     margins = [0.5 * n_train * winner.train_log_gain + 0.5 * n_held * winner.score.log_gain]
-    for other in candidates:
-        if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
-            continue
+    for other in _compared_with(winner, candidates):
         gained = 0.5 * n_train * math.log(other.fitted.squared_error / winner.fitted.squared_error)
         if not _is_same_data(winner, other):
             margins.append(gained + _cost_of_parameters(winner, other, n_train))
@@ -194,9 +201,7 @@ def whitened_margin_of(winner: Candidate, candidates: Sequence[Candidate], split
     quick, and what wanders as it does says nothing.
     """
     margins = [likelier_by(winner, winner.before, winner.held_before, split)]
-    for other in candidates:
-        if other is winner or not other.is_plausible or cause_classes()[other.cause].generalizes == winner.cause:
-            continue
+    for other in _compared_with(winner, candidates):
         margins.append(likelier_by(winner, other.fitted.residual, other.held, split))
     return min(margins)
 
@@ -271,7 +276,7 @@ def rivals_of(winner: Candidate, candidates: list[Candidate]) -> tuple[Candidate
     near = (
         other
         for other in candidates
-        if other is not winner
+        if other.cause != winner.cause
         and other.is_plausible
         and not other.is_bound
         and other.score.is_worthwhile()

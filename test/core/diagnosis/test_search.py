@@ -308,6 +308,15 @@ def _beside_nothing(split: DataSplit, effect_um: np.ndarray, noise_um: np.ndarra
     return decision.margin_of(found, [found], split), decision.whitened_margin_of(found, [found], split)
 
 
+def test_a_cause_is_no_rival_of_its_own(split: DataSplit) -> None:
+    """As a past that took the place of plays, among the candidates as it was before its plays were chosen anew."""
+    past, before = contender(split, "initial_state", 3.0, 2.5, 3), contender(split, "initial_state", 2.9, 3.6, 3)
+    other = contender(split, "lost_preload", 0.5, 0.4, 2)
+    assert decision.margin_of(past, [before, other], split) == decision.margin_of(past, [other], split) > 100.0
+    assert decision.ties_of(past, [before], split) == []
+    assert decision.rivals_of(past, [contender(split, "initial_state", 3.0, 2.5, 3)]) == ()
+
+
 def test_where_only_training_compares_two_each_parameter_costs(split: DataSplit) -> None:
     past = replace(contender(split, "initial_state", 4.0, 4.0), is_bound=True, held=(np.ones(100),))
     few = contender(split, "slow_relaxation", 4.01, 4.0, n_free=1)
