@@ -86,7 +86,7 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
         return None
     if begun.is_bound:
         # the forms of what befell single records differ little until the base no longer bends to it
-        followed = (_followed(way, split, present.squared_error) for way in fits)
+        followed = (_followed_to_rest(way, split, present.squared_error) for way in fits)
         return min(followed, key=lambda f: f.squared_error)
     if begun.begins_far_off:
         # the plays were chosen beside the power law: beside another they are others, and no form is told before
@@ -217,19 +217,23 @@ def _best_of_forms(fits: list[Refit]) -> list[Refit]:
 
 
 def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
-    """Return the refit with plays chosen anew, where it moved much or not to the end, until that surely gains no more.
-
-    Plays that were chosen while an effect was hidden bend to it, and those chosen beside what they left of it again.
-    """
+    """Return the refit with plays chosen anew, where it moved much or not to the end."""
     if fitted.squared_error > _LARGE * error and fitted.is_converged:
         return fitted
+    again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
+    return again if again.squared_error < fitted.squared_error else fitted
+
+
+def _followed_to_rest(fitted: Refit, split: DataSplit, error: float) -> Refit:
+    """Return the same with plays chosen anew until that surely gains no more.
+
+    Plays that were chosen while an effect was hidden bend to it, and those chosen beside what they left of it again.
+    What belongs to the actuator goes on to its rest where it is compared, what befell a record has this alone.
+    """
     for _ in range(_MOST_CHOICES):
-        again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
-        if again.squared_error >= fitted.squared_error:
-            return fitted
-        n_independent = split.n_used / residual_inflation(again.residual, split.train)
-        is_sure = n_independent * math.log(fitted.squared_error / again.squared_error) > SURE
-        fitted = again
-        if not is_sure:
+        before = fitted
+        fitted = _followed(before, split, error)
+        n_independent = split.n_used / residual_inflation(fitted.residual, split.train)
+        if n_independent * math.log(before.squared_error / fitted.squared_error) <= SURE:
             break
     return fitted
