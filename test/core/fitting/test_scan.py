@@ -31,3 +31,23 @@ def test_a_step_is_scanned_as_far_as_its_period_is_uncertain(n_steps: float, off
     parameter = FreeParameter("dac_quantization", None, DacQuantization.parameter("step_v"), 1.0)
     found = parameter.get(scan(begun, (record,), tangent(PLAIN, (record,)), parameter))
     assert abs(range_v / found - n_steps) < 0.02, "in steps over the range of the drive"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_steps_that_round_every_sample_alike_the_middle_is_told(seed: int) -> None:
+    """The ends of that stretch leave the same, and other records of the same converter are rounded wrongly there."""
+    n, range_v, n_steps = 300, 80.0, 43.7
+    rng = np.random.default_rng(seed)
+    drive_v = 0.5 * range_v * (1.0 - np.cos(np.arange(n) / n * 3.0 * np.pi + rng.uniform(0.0, 6.0)))
+    step_v = range_v / n_steps
+    levels = np.rint(drive_v / step_v)
+    time_s, rounded_v = 1e-2 * np.arange(n), step_v * levels
+    moved_um = predict(PLAIN, FitRecord.of(Recording(time_s, rounded_v, rounded_v)), 0)
+    record = FitRecord.of(Recording(time_s, drive_v, moved_um + rng.normal(0.0, 0.01 * step_v, n)))
+    begun = PLAIN.with_cause(DacQuantization(range_v / (n_steps + 0.2)))
+    parameter = FreeParameter("dac_quantization", None, DacQuantization.parameter("step_v"), 1.0)
+    found = range_v / parameter.get(scan(begun, (record,), tangent(PLAIN, (record,)), parameter))
+    offs = np.linspace(-0.1, 0.1, 20001)
+    alike = [off for off in offs if np.array_equal(np.rint(drive_v * (n_steps + off) / range_v), levels)]
+    low, high = n_steps + min(alike), n_steps + max(alike)
+    assert low + 0.15 * (high - low) < found < high - 0.15 * (high - low), (low, high, found)
