@@ -17,7 +17,7 @@ from fomrc_core.effects.base.lag import is_seen
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, ramp_in_step
 
 _LEAST_CAPACITANCE = 0.05  # of that at zero volts: the straight line it is taken for must end somewhere
-_BEND = 0.01  # change of the capacitance over a part of a step up to which its middle stands for it
+_BEND = 0.02  # relative change of the capacitance over a part of a step up to which its middle stands for it
 _MOST_PARTS = 64
 _LAGS = (0.15, 1.0, 8.0, 60.0)  # of trials, in samples: a lag of a part of a sample shows as well
 
@@ -36,14 +36,16 @@ def _run_capacitance(
     output, before = state[0], state[1]
     for k in range(values.size):
         step, now = steps_s[k], values[k]
-        lag_s = time_constant_s * _capacitance(output, per_v)
+        present = _capacitance(output, per_v)
+        lag_s = time_constant_s * present
         bends = abs(per_v) * max(abs(before - output), abs(now - output))
-        if bends * min(lag_s, step) < _BEND * lag_s:  # as nearly always: one part, and no division to find that
+        least = min(present, _capacitance(before, per_v), _capacitance(now, per_v))
+        if bends * min(lag_s, step) < _BEND * least * lag_s:  # as nearly always: one part, no division to find that
             middle = output + step * (0.5 * (before + now) - output) / (2.0 * lag_s + step)
             decay, ramp = lag_weights(step / (time_constant_s * _capacitance(middle, per_v)))
             output = decay * output + (1.0 - decay - ramp) * before + ramp * now
         else:
-            n_parts = int(min(1.0 + bends * min(1.0, step / lag_s) / _BEND, _MOST_PARTS))
+            n_parts = int(min(1.0 + bends * min(1.0, step / lag_s) / (_BEND * least), _MOST_PARTS))
             part, rise = step / n_parts, (now - before) / n_parts
             for j in range(n_parts):
                 first, last = before + j * rise, before + (j + 1) * rise
@@ -60,7 +62,8 @@ def _charge(s: Fields, c: Fields, value: float, step_s: float) -> Number:
     # The loop of _run_capacitance, once.
     ratio = step_s / (c.time_constant_s * max(1.0 + c.per_v * s.output, c.least_capacitance))
     reach = max(abs(s.before - s.output), abs(value - s.output)) * min(1.0, ratio)
-    n_parts = int(min(1.0 + abs(c.per_v) * reach / c.bend, c.most_parts))
+    least = max(1.0 + min(c.per_v * s.output, c.per_v * s.before, c.per_v * value), c.least_capacitance)
+    n_parts = int(min(1.0 + abs(c.per_v) * reach / (c.bend * least), c.most_parts))
     part = step_s / n_parts
     rise = (value - s.before) / n_parts
     output = s.output
