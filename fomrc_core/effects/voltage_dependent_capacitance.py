@@ -36,10 +36,9 @@ def _run_capacitance(
     output, before = state[0], state[1]
     for k in range(values.size):
         step, now = steps_s[k], values[k]
-        present = _capacitance(output, per_v)
+        present, old, new = _capacitance(output, per_v), _capacitance(before, per_v), _capacitance(now, per_v)
         lag_s = time_constant_s * present
-        bends = abs(per_v) * max(abs(before - output), abs(now - output))
-        least = min(present, _capacitance(before, per_v), _capacitance(now, per_v))
+        bends, least = max(abs(old - present), abs(new - present)), min(present, old, new)
         if bends * min(lag_s, step) < _BEND * least * lag_s:  # as nearly always: one part, no division to find that
             middle = output + step * (0.5 * (before + now) - output) / (2.0 * lag_s + step)
             decay, ramp = lag_weights(step / (time_constant_s * _capacitance(middle, per_v)))
@@ -60,10 +59,11 @@ def _run_capacitance(
 
 def _charge(s: Fields, c: Fields, value: float, step_s: float) -> Number:
     # The loop of _run_capacitance, once.
-    ratio = step_s / (c.time_constant_s * max(1.0 + c.per_v * s.output, c.least_capacitance))
-    reach = max(abs(s.before - s.output), abs(value - s.output)) * min(1.0, ratio)
-    least = max(1.0 + min(c.per_v * s.output, c.per_v * s.before, c.per_v * value), c.least_capacitance)
-    n_parts = int(min(1.0 + abs(c.per_v) * reach / (c.bend * least), c.most_parts))
+    present = max(1.0 + c.per_v * s.output, c.least_capacitance)
+    old = max(1.0 + c.per_v * s.before, c.least_capacitance)
+    new = max(1.0 + c.per_v * value, c.least_capacitance)
+    reach = max(abs(old - present), abs(new - present)) * min(1.0, step_s / (c.time_constant_s * present))
+    n_parts = int(min(1.0 + reach / (c.bend * min(present, min(old, new))), c.most_parts))
     part = step_s / n_parts
     rise = (value - s.before) / n_parts
     output = s.output

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +100,10 @@ def free_parameters(trial: TrialModel) -> tuple[FreeParameter, ...]:
 
 def with_coordinates(trial: TrialModel, free: tuple[FreeParameter, ...], coordinates: Array) -> TrialModel:
     """Return the model with the free parameters at these coordinates."""
-    for parameter, coordinate in zip(free, coordinates, strict=True):
-        trial = parameter.set(trial, parameter.value(float(coordinate)))
+    placed = zip(free, coordinates.tolist(), strict=True)
+    # every change of a cause is checked, and most causes have more than one parameter
+    for (_, index), of_cause in groupby(placed, key=lambda pair: (pair[0].cause, pair[0].index)):
+        moved = list(of_cause)
+        values = {parameter.spec.name: parameter.value(coordinate) for parameter, coordinate in moved}
+        trial = trial.with_cause(replace(moved[0][0].cause_in(trial), **values), index)
     return trial

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -79,17 +80,8 @@ class Prehistory(Cause):
 
     def drive(self) -> tuple[Array, Array]:
         """Return steps [s] and voltages [V] of what went before, each of shape (n_steps,)."""
-        ramp = np.arange(1, _N_RAMP + 1) / _N_RAMP
-        steps, voltages = [], []
-        before = 0.0
-        for voltage, hold in ((self.extreme_v, self.held_s), (self.resting_v, self.resting_s)):
-            steps.append(np.full(_N_RAMP, _RAMP_S / _N_RAMP))
-            voltages.append(before + (voltage - before) * ramp)
-            held = np.geomspace(min(_SHORTEST_HOLD_STEP_S, 0.5 * hold), hold, _N_HOLD)
-            steps.append(np.diff(held, prepend=0.0))
-            voltages.append(np.full(_N_HOLD, voltage))
-            before = voltage
-        return np.concatenate(steps), np.concatenate(voltages)
+        steps_s, voltage_v = _drive(self.extreme_v, self.resting_v, self.held_s, self.resting_s)
+        return steps_s.copy(), voltage_v.copy()
 
     @classmethod
     def screening(cls, evidence: Evidence) -> list[Prehistory]:
@@ -105,3 +97,19 @@ class Prehistory(Cause):
                     {"extreme_v": extreme, "resting_v": first, "held_s": held_s, "resting_s": rest} for rest in rests_s
                 ]
         return cls.proposed(trials)
+
+
+@lru_cache(maxsize=256)
+def _drive(extreme_v: float, resting_v: float, held_s: float, resting_s: float) -> tuple[Array, Array]:
+    # a fit asks for the past of every record each time another of its parameters moves
+    ramp = np.arange(1, _N_RAMP + 1) / _N_RAMP
+    steps, voltages = [], []
+    before = 0.0
+    for voltage, hold in ((extreme_v, held_s), (resting_v, resting_s)):
+        steps.append(np.full(_N_RAMP, _RAMP_S / _N_RAMP))
+        voltages.append(before + (voltage - before) * ramp)
+        held = np.geomspace(min(_SHORTEST_HOLD_STEP_S, 0.5 * hold), hold, _N_HOLD)
+        steps.append(np.diff(held, prepend=0.0))
+        voltages.append(np.full(_N_HOLD, voltage))
+        before = voltage
+    return np.concatenate(steps), np.concatenate(voltages)
