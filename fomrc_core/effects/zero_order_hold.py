@@ -17,6 +17,7 @@ from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateFi
 _FEW_SAMPLES = 20  # held longer, each level is seen in the displacement itself: one trial does
 _MOST_SAMPLES = 200  # a command of some hertz beside a sensor of a kilohertz
 _N_TRIALS = 2  # of few samples, which are all much like a delay
+_N_PARTS_OF_LEVELS = 2  # before the jump and after it
 _N_PARTS_JUMPING = 16  # a jump over a part: of what a hold does to a lag of two samples it misses a twentieth
 _LONGEST_UNDONE = 1.5  # samples, where a hold is one to which the clocks of command and converter do not quite agree
 
@@ -113,9 +114,11 @@ class ZeroOrderHold(Effect):
         return replace(self, hold_s=step_s) if self.holds and self.per_sample else self
 
     def least_parts(self, effects: tuple[Effect, ...]) -> int:
-        """Return more parts where something behind the hold sees its jumps, spread over a part on either side."""
+        """Return two parts, for plays see either level and not their mean, and more where jumps are seen behind it."""
         sees_jumps = any(effect.needs_substeps and effect.name != self.name for effect in effects)
-        return _N_PARTS_JUMPING if self.holds and sees_jumps else 1
+        if not self.holds:
+            return 1
+        return _N_PARTS_JUMPING if sees_jumps else _N_PARTS_OF_LEVELS
 
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: a hold is a number of samples, of which none is smaller than one."""

@@ -203,6 +203,16 @@ def test_a_hold_between_samples_is_a_hold_for_what_lags_behind_it() -> None:
     assert np.std(found - exact) < 0.1 * np.std(ramp - exact)
 
 
+def test_plays_behind_a_hold_see_its_levels_and_no_voltage_between_them() -> None:
+    # steps far below the thresholds, without creep: each level is what it is without a hold, and half is read of either
+    steps_s, drive = np.full(9000, 1e-3), 0.3 * np.sin(np.arange(9000) * 0.0011)
+    stage = PiezoModel([7.0, 4.0], [0.1], 0.0, substeps=Substeps.BENDS)
+    levels = stage.simulate(steps_s, drive)
+    expected = 0.5 * (np.concatenate(([0.0], levels[:-1])) + levels)
+    found = stage.with_effects(ZeroOrderHold(1e-3)).simulate(steps_s, drive)
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
 def test_a_skewed_clock_counts_alike_at_once_and_sample_by_sample() -> None:
     rng = np.random.default_rng(4)
     steps_s, values = rng.uniform(0.5e-3, 2e-3, 3000), rng.uniform(-1.0, 1.0, 3000)
