@@ -150,11 +150,23 @@ def refitted(
     best = max((candidate.total_gain for candidate in compared), default=0.0)
     unfair = _without_plays(compared, best)
     near = [_is_open(candidate, best) or any(candidate is other for other in unfair) for candidate in found]
-    if sum(near) > (1 if standing is None else 0):
+    if _are_compared(found, near, standing):
         rest = [(present, split, candidate) for candidate, is_near in zip(found, near, strict=True) if is_near]
         found = [candidate for candidate, is_near in zip(found, near, strict=True) if not is_near]
         found += run(_at_rest, rest)
     return sorted(found, key=lambda candidate: -candidate.total_gain)
+
+
+def _are_compared(found: list[Candidate], near: list[bool], standing: Candidate | None) -> bool:
+    """Return whether those that are near will be compared with another.
+
+    One that is near alone will be as well where training speaks for another: of two of which one has had its plays
+    chosen anew and one has not, training tells nothing.
+    """
+    if sum(near) != 1 or standing is not None:
+        return any(near)
+    lone = found[near.index(True)]
+    return any(other.fitted.squared_error < lone.fitted.squared_error for other in found)
 
 
 def _without_plays(compared: list[Candidate], best_gain: float) -> list[Candidate]:
