@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.judgement import Status
 
-# Plays and modes that simulations went over, times parts of steps [1]. Some 1e9 to 2e9 are a second of a processor of
-# 2020, so that a search is mostly done within a minute. What was found is compared where no more could be sought: a
-# name that is sure is worth more than one more.
-_FOR_PAIRS = 2.0e10
-_FOR_FIRST_PAIRS = 4.0e10  # where nothing has been found a pair is the last that may be
-_FOR_CAUSES = 4.0e10
-_FOR_NAMES = 6.0e10
+# Operations of simulations [1], see work_of_run.py: 1e9 are a second of a processor of 2020, and half as much again
+# goes into what is fitted to them, so that a search is mostly done within a minute. What was found is compared
+# where no more could be sought: a name that is sure is worth more than one more.
+_FOR_PAIRS = 1.2e10
+_FOR_FIRST_PAIRS = 2.4e10  # where nothing has been found a pair is the last that may be
+_FOR_CAUSES = 2.4e10
+_FOR_NAMES = 3.2e10
 # Samples of all records up to which that holds. A question costs in proportion to the samples, and of longer records
 # it would be one cause and no more: as many are asked of them as of these, which takes the longer.
 _SAMPLES = 40_000

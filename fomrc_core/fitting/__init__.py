@@ -19,4 +19,5 @@ __all__ = [
     "structure_within",
     "thinned_record",
     "trial_model",
+    "work_of_run",
 ]

@@ -14,20 +14,19 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds, creep_columns
 from fomrc_core.fitting.trial_model import (
     FIT_ACCURACY,
-    OPERATIONS_OF_EFFECT,
     TrialModel,
     fit_modes,
     needs_rate_within_steps,
     predict,
     relaxed_trial,
 )
+from fomrc_core.fitting.work_of_run import operations_of_columns
 from fomrc_core.model.divided_drive import ElementDrive
 from fomrc_core.model.simulation import before_record, displacement_of_parts, drive_at_elements, of_stage
 from fomrc_core.model.substeps import Substeps
 from fomrc_core.operators.creep import creep_modes
 
 _ORDER_STEP = 1e-4  # of the creep order [1]: some hundredths of a usual one, far above the rounding of a simulation
-_COLUMNS_AT_ONCE = 4  # run as fast as one displacement: a processor works on them side by side
 MIN_ORDER, MAX_ORDER = 0.0, 1.0  # creep orders a model may have
 
 
@@ -113,7 +112,7 @@ def record_columns(trial: TrialModel, record: FitRecord, index: int, about: Tria
     modes = fit_modes(trial)
     columns = creep_columns(trial.columns, modes, voltage_v, steps_s, n_skipped, widening)
     beat("simulations", columns.shape[1])
-    record.tally.add(columns.size * (modes.n_modes + OPERATIONS_OF_EFFECT * len(effects) // _COLUMNS_AT_ONCE))
+    record.tally.add(operations_of_columns(columns.size, modes.n_modes, len(effects)))
     for effect in mechanical:
         # a clock that starts with the record sees nothing of what went before it
         first = 0 if effect.acts_before_record() else n_before

@@ -15,6 +15,7 @@ from fomrc_core.effects import Effect, Stage, in_chain_order
 from fomrc_core.effects.base.cause import Cause
 from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.play_columns import ColumnKinds
+from fomrc_core.fitting.work_of_run import operations_of_run
 from fomrc_core.model.divided_drive import ElementDrive
 from fomrc_core.model.prehistory import Prehistory
 from fomrc_core.model.simulation import (
@@ -32,8 +33,6 @@ from fomrc_core.operators.hysteresis import OperatorSum
 
 # Of the creep modes, at the worst order; the error is in proportion to the order, so at 0.02 it is some 1e-6.
 FIT_ACCURACY = 1e-4
-OPERATIONS_OF_EFFECT = 16  # a part of a step costs an effect about as much as so many plays or modes
-_OPERATIONS_OF_RUN = 300_000  # what a run costs beside: of a short record, or of its sensor alone, that is most
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +252,8 @@ def predict_passing(
     since = Stage.SAMPLED_DRIVE if before is None else before.since
     state, at_creep = relaxed_trial(trial, effects)
     start = trial.start_of(index)
-    if start is not None and since <= Stage.MECHANICAL:  # no effect on the sensor acts before a record
+    is_begun = start is not None and since <= Stage.MECHANICAL  # no effect on the sensor acts before a record
+    if start is not None and is_begun:
         settle_chain(state, at_creep, effects, start.drive(), _of_fit(record.substeps))
     seen_um, passage = pass_chain(
         state,
@@ -265,11 +265,10 @@ def predict_passing(
         before=before,
         kept=record.divisions,
     )
-    # what was taken from the run before was not simulated again
-    n_parts = record.time_s.size if since > Stage.MECHANICAL else passage.moved_um.size
-    n_plays = 0 if since > Stage.HYSTERESIS else trial.columns.thresholds_v.size
-    n_modes = 0 if since > Stage.HYSTERESIS else int(state.packed[at_creep + N_MODES])
-    record.tally.add(_OPERATIONS_OF_RUN + n_parts * (n_plays + n_modes + OPERATIONS_OF_EFFECT * len(effects)))
+    n_in_elements = trial.columns.thresholds_v.size + int(state.packed[at_creep + N_MODES])
+    record.tally.add(
+        operations_of_run(effects, since, record.time_s.size, passage.moved_um.size, n_in_elements, is_begun=is_begun)
+    )
     return seen_um, passage
 
 

@@ -13,8 +13,12 @@ from fomrc_core.diagnosis.diagnosis import diagnose
 from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.diagnosis.search import search
 from fomrc_core.diagnosis.work_budget import CAUSES, COMPARED, PAIRS, WorkBudget, cut_short, unless_uncompared
+from fomrc_core.effects.amplifier_bandwidth import AmplifierBandwidth
+from fomrc_core.effects.base.effect import Stage
+from fomrc_core.effects.sensor_bandwidth import SensorBandwidth
 from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
+from fomrc_core.fitting.work_of_run import operations_of_run
 from fomrc_core.records.recording import Recording
 
 RATE_HZ = 100.0
@@ -43,6 +47,16 @@ def test_a_simulation_counts_by_its_samples_in_whatever_choice_of_them() -> None
     assert budget.n_done() == 2 * once
     # a search that begins later has not done what went before
     assert WorkBudget.of(split).n_done() == 0
+
+
+def test_of_a_run_that_goes_on_from_another_only_what_is_run_is_counted() -> None:
+    effects = (AmplifierBandwidth(10.0), SensorBandwidth(20.0))
+    whole = operations_of_run(effects, Stage.SAMPLED_DRIVE, 1000, 4000, 40, is_begun=False)
+    sensor = operations_of_run(effects, Stage.SENSED, 1000, 4000, 40, is_begun=False)
+    doubled = operations_of_run(effects, Stage.SAMPLED_DRIVE, 1000, 8000, 40, is_begun=False)
+    # what a run costs however short it is, its samples, and the one effect on the sensor stay
+    assert whole - sensor > 0.9 * (doubled - whole)
+    assert operations_of_run(effects, Stage.SAMPLED_DRIVE, 1000, 4000, 40, is_begun=True) > whole
 
 
 def test_pairs_end_before_single_causes_and_what_was_left_out_is_told_once() -> None:
