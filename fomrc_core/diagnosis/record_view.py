@@ -13,6 +13,7 @@ from fomrc_core.diagnosis.prepared import best_residual
 from fomrc_core.diagnosis.remainder import DrivenRecord
 from fomrc_core.fitting.trial_model import TrialModel
 from fomrc_core.records.noise import NoiseFloor, noise_floor, sensor_rounding_um
+from fomrc_core.records.noise_growth import beyond_repeats
 from fomrc_core.records.quality import bridged
 from fomrc_core.records.residual import rms
 
@@ -58,7 +59,7 @@ def record_views(
     roles = [("train", HeldOut(record, i)) for i, record in enumerate(split.train)]
     roles += [("test", h) for h in split.held if h.index >= len(split.train)]
     roles += [("report", h) for h in split.report if h.index > len(split.train)]
-    views, errors, cleaned = [], [], []
+    views, errors, cleaned, grows = [], [], [], []
     for role, part in roles:
         record = part.record if role != "train" else part.record.using(np.ones(part.record.time_s.size, dtype=np.bool_))
         # what was read at samples that are not valid is no residual, and is shown as none
@@ -80,5 +81,6 @@ def record_views(
         errors.append(rms(after[record.is_used]))
         if role == "train":
             cleaned.append(replace(record.recording, displacement_um=after))
+            grows.append(beyond_repeats(record.recording, after, record.is_used))
     again_um = max(noise_floor(cleaned).floor_um, sensor_rounding_um([r.recording for r in split.train]))
-    return tuple(views), max(errors), min(noise.floor_um, again_um)
+    return tuple(views), max(errors), min(noise.floor_um, again_um) * float(np.median(grows))

@@ -11,6 +11,7 @@ __all__ = [
     "excitation",
     "noise",
     "noise_estimate",
+    "noise_growth",
     "noise_model",
     "plausibility",
     "quality",

@@ -120,7 +120,7 @@ def _from_stretches(
         values, found = without_lines(stretch.values_um)
         cleaned.append(replace(stretch, values_um=_clipped(values)))
         lines += [f / period_s for f in found]
-    slope, centre = _growth(cleaned, _GROWTH_SEEN * float(np.ptp(displacement_um)))
+    slope, centre = growth_of(cleaned, _GROWTH_SEEN * float(np.ptp(displacement_um)))
     even = [
         replace(s, values_um=s.values_um / np.sqrt(1.0 + (slope * (s.displacement_um - centre)) ** 2)) for s in cleaned
     ]
@@ -218,7 +218,7 @@ def _clipped(values: Array) -> Array:
     return np.clip(values, -limit, limit) if limit > 0.0 else values
 
 
-def _growth(stretches: Sequence[NoiseStretch], least_um: float) -> tuple[float, float]:
+def growth_of(stretches: Sequence[NoiseStretch], least_um: float) -> tuple[float, float]:
     """Return by how much noise grows with displacement [1/um] and from where [um]; zeros where it does not.
 
     Squares of the whitened noise, averaged over places, are fitted with ``a + b (x - c)^2``, a and b zero or more, the
