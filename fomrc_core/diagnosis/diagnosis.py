@@ -20,6 +20,7 @@ from fomrc_core.compute.blas_threads import with_one_algebra_thread
 from fomrc_core.compute.notebook import CurvePanel, curves_figure, shown_as_html
 from fomrc_core.diagnosis.asked import Asked
 from fomrc_core.diagnosis.belief import probability_of_unknown, sureness_of, with_probabilities
+from fomrc_core.diagnosis.clock_or_slips import moved_by_clock
 from fomrc_core.diagnosis.constancy import constancy, unless_inconstant
 from fomrc_core.diagnosis.data_split import DataSplit, quoted_residuals
 from fomrc_core.diagnosis.extended_model import as_written, never_worse
@@ -37,6 +38,7 @@ from fomrc_core.diagnosis.prepared import Prepared
 from fomrc_core.diagnosis.present_model import residual_inflation
 from fomrc_core.diagnosis.record_view import RecordView, record_views
 from fomrc_core.diagnosis.search import SearchResult, search
+from fomrc_core.diagnosis.slips_beside import searched_beside
 from fomrc_core.diagnosis.step import Step
 from fomrc_core.diagnosis.training_tells import unless_training_tells
 from fomrc_core.diagnosis.unnamed_extension import UnnamedExtension, unnamed_extension
@@ -236,12 +238,19 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
     tell(0.05, "what the base model leaves")
     if known is None:
         prepared = given.looked_again()
+        by_clock = moved_by_clock(prepared, given, given.base, prepared.base, asked.executor)
+        if by_clock:
+            prepared = given.looked_again(by_clock)
     found = _causes_of(prepared, causes, asked, tell, known)
-    as_read = prepared.explained_moves(given, found.model)
+    as_read = prepared.explained_moves(given, found.model, found.model)
     if as_read:
         # what was found in other records explains what looked like lost or doubled samples in these
         prepared = given.looked_again(as_read)
         found = _causes_of(prepared, causes, asked, tell, known)
+    if known is None:
+        prepared, found = searched_beside(
+            given, prepared, found, lambda moved: _causes_of(moved, causes, asked, tell, known), asked.executor
+        )
     looked, noise, split, base = prepared.looked, prepared.noise, prepared.split, prepared.base
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
     coarse = coarse_model(asked.model, split) if asked.model is not None else None

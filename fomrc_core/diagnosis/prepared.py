@@ -19,7 +19,7 @@ from fomrc_core.fitting.fit_record import FitRecord
 from fomrc_core.fitting.linear_part import centred
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.noise import NoiseFloor, known_noise
-from fomrc_core.records.quality import Lags, Slip, find_lags, find_slips
+from fomrc_core.records.quality import Lags, Slip, find_lags, find_slips, levels_of
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.residual import rms
 
@@ -41,14 +41,23 @@ class Prepared:
         noise: floor known before any model.
         split: what is learnt from, held out and quoted on.
         base: the model without causes.
-        moved: records of which readings were moved for samples that were lost or doubled, by their numbers.
+        slips: for which readings of each record were moved; empty where of none.
     """
 
     looked: LookedOver
     noise: NoiseFloor
     split: DataSplit
     base: TrialModel
-    moved: frozenset[int] = frozenset()
+    slips: tuple[tuple[Slip, ...], ...] = ()
+
+    @property
+    def moved(self) -> frozenset[int]:
+        """Records of which readings were moved for samples that were lost or doubled, by their numbers."""
+        return frozenset(i for i, own in enumerate(self.slips) if own)
+
+    def slips_of_all(self) -> tuple[tuple[Slip, ...], ...]:
+        """Return the slips of every record, in their order."""
+        return self.slips or tuple(() for _ in self.looked.records)
 
     @classmethod
     def of(cls, looked: LookedOver) -> Prepared:
@@ -67,21 +76,47 @@ class Prepared:
         Args:
             as_read: records of which no reading is to be moved, by their numbers.
         """
-        mended = _without_slips(self, as_read)
-        again = mended.looked.again(mended.residuals())
-        return mended if again is mended.looked else replace(Prepared.of(again), moved=mended.moved)
+        return self.with_slips(_slips_of(self, as_read))
 
-    def explained_moves(self, given: Prepared, model: TrialModel) -> frozenset[int]:
+    def with_slips(self, slips: Sequence[tuple[Slip, ...]]) -> Prepared:
+        """Return the same with readings that slipped where they belong, and what stands out of the rest left out.
+
+        Args:
+            slips: of each record, in their order.
+        """
+        mended = self
+        if any(slips):
+            mended = replace(Prepared.of(self.looked.without_slips(slips)), slips=tuple(slips))
+        again = mended.looked.again(mended.residuals())
+        return mended if again is mended.looked else replace(Prepared.of(again), slips=mended.slips)
+
+    def predicted_of(self, model: TrialModel) -> list[Array]:
+        """Return what a model says of each record [um], in their order."""
+        return [r.measured_um - best_residual(model, r, i) for i, r in sorted(self._records().items())]
+
+    def errors_of(self, model: TrialModel, *, beside_levels: bool = False) -> list[float]:
+        """Return what a model leaves of each record, rms [um], in their order.
+
+        Args:
+            model: the model.
+            beside_levels: less what jumps at some moment and stays.
+        """
+        records = sorted(self._records().items())
+        left_um = [(r.is_used, best_residual(model, r, i)) for i, r in records]
+        return [rms((v - levels_of(v, used) if beside_levels else v)[used]) for used, v in left_um]
+
+    def explained_moves(self, given: Prepared, model: TrialModel, other: TrialModel) -> frozenset[int]:
         """Return the records whose readings were moved for what a model explains without: a clock that drifts does.
 
         Readings are moved before any cause is known, and record by record; what was found in others may say more.
 
         Args:
             given: the records as they were.
-            model: with the causes found.
+            model: of the records as they were, with the causes found.
+            other: of the records with their readings moved.
         """
         moved, as_read = self._records(), given._records()
-        return frozenset(i for i in self.moved if _error_um(model, as_read[i], i) <= _error_um(model, moved[i], i))
+        return frozenset(i for i in self.moved if _error_um(model, as_read[i], i) <= _error_um(other, moved[i], i))
 
     def _records(self) -> dict[int, FitRecord]:
         """Return all records by their numbers, every sample used that may be."""
@@ -103,7 +138,8 @@ def best_residual(model: TrialModel, record: FitRecord, index: int) -> Array:
     return min(found, key=lambda r: rms(r[record.is_used]))
 
 
-def _without_slips(given: Prepared, as_read: frozenset[int]) -> Prepared:
+def _slips_of(given: Prepared, as_read: frozenset[int]) -> tuple[tuple[Slip, ...], ...]:
+    """Return the slips of each record, in their order, without those that a lag or a delay does nearly as well."""
     left = given.residuals()
     before_um = _errors(given.looked.records, left)
     slips: list[tuple[Slip, ...]] = [() for _ in left]
@@ -114,16 +150,13 @@ def _without_slips(given: Prepared, as_read: frozenset[int]) -> Prepared:
             break
         now, slips = found
     if not any(slips):
-        return given
+        return tuple(slips)
     after_um = _errors(now.looked.records, now.residuals())
     lagging_um = [min(pair) for pair in zip(_left_by_lags(given), _left_by_delays(given, slips), strict=True)]
     for i in range(len(slips)):
         if i in as_read or after_um[i] > min(_MUCH_BETTER * before_um[i], _THAN_A_LAG * lagging_um[i]):
             slips[i] = ()
-    if not any(slips):
-        return given
-    moved = frozenset(i for i, own in enumerate(slips) if own)
-    return replace(Prepared.of(given.looked.without_slips(slips)), moved=moved)
+    return tuple(slips)
 
 
 def _left_by_lags(given: Prepared) -> list[float]:

@@ -67,6 +67,7 @@ class ClockSkew(Effect):
     experiment: ClassVar[str] = "the same fast triangle at the start and at the end of a long record"
     inverse_note: ClassVar[str] = "nothing to invert: it belongs to the recording, not to the actuator"
     linear_parameters: ClassVar[tuple[str, ...]] = ("ppm",)
+    is_of_clock: ClassVar[bool] = True
     needs_substeps: ClassVar[bool] = True
 
     ppm: float

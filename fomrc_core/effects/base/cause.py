@@ -51,6 +51,7 @@ class Cause(ABC):
     is_named: ClassVar[bool] = True  # whether it is something, and not only terms that follow what is left
     is_record_bound: ClassVar[bool] = False  # its parameters belong to one record, not to the actuator
     is_of_sensor: ClassVar[bool] = False  # the reading errs by it, not the position
+    is_of_clock: ClassVar[bool] = False  # by it readings come early or late, in the end as if some had been lost
     is_exchangeable: ClassVar[bool] = True  # may take the place of another cause that was found, or give way to one
     needs_many_loops: ClassVar[bool] = False  # a drive that repeats one loop cannot tell it from others
     needs_loops: ClassVar[bool] = False  # it bends loops: where none are seen no record shows it

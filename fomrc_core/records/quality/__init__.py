@@ -8,6 +8,7 @@ from fomrc_core.records.quality.drive_part import drive_part
 from fomrc_core.records.quality.examination import Examined, bridged, examine, examine_residual
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
 from fomrc_core.records.quality.lags import Lags, find_lags
+from fomrc_core.records.quality.levels import levels_of
 from fomrc_core.records.quality.long_record import examine_long
 from fomrc_core.records.quality.slips import Slip, find_slips, without_slips
 
@@ -26,6 +27,7 @@ __all__ = [
     "examine_residual",
     "find_lags",
     "find_slips",
+    "levels_of",
     "noisy_end",
     "without_slips",
 ]

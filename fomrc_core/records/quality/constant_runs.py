@@ -74,7 +74,8 @@ def find_stuck(
 
     Either the reading makes good at once, when it comes back, what the drive did meanwhile: neither a dead zone nor a
     gap of play does so. Or the noise of the sensor is larger than its step, so that equal readings in a row are none
-    of its own: as many as never come by chance, while the drive moves by more than the noise.
+    of its own: as many as never come by chance, while the drive moves by more than the noise, or with a jump at the
+    end in which the drive has no part, as where the stage crept on in a rest.
     """
     starts, stops = runs_of_same(displacement_um)
     length = stops - starts
@@ -110,7 +111,8 @@ def find_stuck(
     # by chance: as often as the other readings are equal to the one before
     share = (n_equal - length + 2.0) / displacement_um.size
     is_chance = displacement_um.size * share ** (length - 1.0) > _FALSE_ALARMS
-    is_never = (around.noise_um > fine) & ~is_chance & (moved > 2.0 * around.floor_um)
+    is_loose = (np.abs(jump) > limit) & (np.abs(jump) > 4.0 * last)
+    is_never = (around.noise_um > fine) & ~is_chance & ((moved > 2.0 * around.floor_um) | is_loose)
     is_stuck = is_released | is_never
     for start, stop in zip(*_chosen(starts, stops, is_stuck), strict=True):
         # the first of the equal readings was a true one

@@ -29,7 +29,7 @@ class FaultKind(Enum):
 _WORDS = {
     FaultKind.SPIKES: "readings that leave their neighbours on both sides and come back, as no drive makes them",
     FaultKind.DROPOUTS: "readings that jump to one and the same value and back",
-    FaultKind.STUCK: "readings that stay exactly the same while the drive goes on, and then jump to where it is",
+    FaultKind.STUCK: "readings that stay exactly the same while the stage goes on, and then jump to where it is",
     FaultKind.LOST: "readings that are a whole sample early from there on, as where a reader loses one",
     FaultKind.DOUBLED: "readings that are a whole sample late from there on, as where a reader keeps one twice",
     FaultKind.GAPS: "steps of the clock in which samples are missing",

@@ -23,12 +23,15 @@ from fomrc_core.compute.arrays import Array, Mask
 from fomrc_core.records.noise import autocorrelation_inflation
 from fomrc_core.records.quality.examination import Examined, masked_recording
 from fomrc_core.records.quality.faults import DataFault, DataQuality, FaultKind
+from fomrc_core.records.quality.levels import levels_of
 from fomrc_core.records.recording import Recording
 
 _MOST = 12  # slips of a record: where more go wrong nobody knows what the rest is worth
 _LEAST_GAIN = 2.0  # times the logarithm of the number of places and signs, in chi square
 _LEAST_SHARE = 0.03  # of what is left: less may be the model's
 _ABOUT = 3  # readings to either side that are left out: the place of a slip is known no better
+_AHEAD = 2  # slips looked ahead: where all is jumps one alone undoes no more than it does
+_N_LEVEL_ROUNDS = 3  # of levels beside the rest, and the rest beside levels
 _N_ROUNDS = 4  # of moving each slip beside the others
 _LEAST_POWER = 1e-3  # of the motion: a slip before all of it is a delay, one after it has no place
 
@@ -46,26 +49,31 @@ class Slip:
     n_lost: int
 
 
-def find_slips(displacement_um: Array, predicted_um: Array, valid: Mask) -> tuple[Slip, ...]:
+def find_slips(
+    displacement_um: Array, predicted_um: Array, valid: Mask, *, beside_delay: bool = True, beside_levels: bool = False
+) -> tuple[Slip, ...]:
     """Return where readings slipped by whole samples, in order; none where nothing says so surely.
 
     Args:
         displacement_um: readings [um], shape (n_samples,).
         predicted_um: what a model says of every sample [um], shape (n_samples,).
         valid: readings that count, shape (n_samples,).
+        beside_delay: whether all readings may be early or late by as much as one another.
+        beside_levels: whether readings may stand higher or lower from some moments on, as under a load.
     """
-    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid)
+    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, beside_delay)
+    fit = replace(fit, has_levels=beside_levels)
     units: list[tuple[int, int]] = []
     least = _LEAST_GAIN * float(np.log(2.0 * predicted_um.size))
     left = float(np.sum(fit.left(units) ** 2))
-    while len(units) < _MOST and left > 0.0:
-        more = fit.settled([*units, fit.best(units)])
+    more = units
+    while len(more) < min(len(units) + _AHEAD, _MOST) and left > 0.0:
+        more = fit.settled([*more, fit.best(more)])
         rest = fit.left(more)
-        after = float(np.sum(rest**2))
+        after, n_more = float(np.sum(rest**2)), len(more) - len(units)
         spread = after / np.count_nonzero(valid) * autocorrelation_inflation(rest[valid])
-        if after > (1.0 - _LEAST_SHARE) * left or not left - after >= least * spread:
-            break
-        units, left = more, after
+        if after <= (1.0 - _LEAST_SHARE) ** n_more * left and left - after >= n_more * least * spread:
+            units, left = more, after
     total = Counter[int]()
     for sample, sign in units:
         total[sample] += sign
@@ -111,12 +119,15 @@ class _Fit:
     rate_um: Array
     aside: Array
     valid: Mask
+    has_levels: bool = False
 
     @classmethod
-    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask) -> _Fit:
+    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask, has_delay: bool) -> _Fit:
         rate_um = np.gradient(predicted_um)
-        # a delay is the rate to first order and the acceleration to second
-        others = [np.ones(predicted_um.size), predicted_um - np.mean(predicted_um), rate_um, np.gradient(rate_um)]
+        others = [np.ones(predicted_um.size), predicted_um - np.mean(predicted_um)]
+        if has_delay:
+            # the rate to first order and the acceleration to second
+            others += [rate_um, np.gradient(rate_um)]
         aside, _ = np.linalg.qr(np.column_stack(others) * valid[:, None])
         return cls((residual_um - np.mean(residual_um[valid])) * valid, predicted_um, rate_um, aside, valid)
 
@@ -131,6 +142,11 @@ class _Fit:
         """Return what slips of one sample each leave, shape (n_samples,)."""
         moved_um = self.predicted_um[self._read(units)] - self.predicted_um
         rest = self.residual_um - moved_um * self.valid
+        levels = np.zeros(rest.size)
+        for _ in range(_N_LEVEL_ROUNDS if self.has_levels else 0):
+            others = self.aside @ (self.aside.T @ (rest - levels))
+            levels = levels_of(rest - others, self.valid) * self.valid
+        rest = rest - levels
         return np.asarray(rest - self.aside @ (self.aside.T @ rest))
 
     def best(self, units: Sequence[tuple[int, int]]) -> tuple[int, int]:

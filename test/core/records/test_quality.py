@@ -136,6 +136,19 @@ def test_a_sensor_that_stuck_is_found(sound: Recording) -> None:
     assert _found(quality, FaultKind.STUCK) == set(at.tolist())
 
 
+def test_a_sensor_that_stuck_in_a_rest_in_which_the_stage_crept_on_is_found() -> None:
+    # while the drive rests, so that it has no part in what comes at the release
+    rng, k = np.random.default_rng(6), np.arange(N)
+    drive = np.where(k < 1000, 0.0, np.where(k < 2500, 1.0, 0.3))
+    crept = np.where(k < 1000, 0.0, 0.1 * np.log10(np.maximum(k - 999.0, 1.0)))
+    readings = drive + crept + 1e-4 * rng.normal(size=N)
+    sound = _record(drive, readings)
+    assert not examine(sound).quality.faults
+    at = np.arange(1300, 1360)
+    quality = examine(_spoilt(sound, at, float(sound.measured_um[1299]))).quality
+    assert _found(quality, FaultKind.STUCK) == set(at.tolist())
+
+
 def test_stamps_say_what_is_missing_and_what_jitters(sound: Recording) -> None:
     kept = np.delete(np.arange(N), [700, 2100, 2101])
     short = Recording(sound.time_s[kept], sound.voltage_v[kept], sound.measured_um[kept], name="stage")

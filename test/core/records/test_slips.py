@@ -141,3 +141,24 @@ def test_a_record_that_is_late_as_a_whole_has_no_doubled_samples(n_late: int) ->
     found = diagnose(records[0], test=records[1])
     assert not [f for q in found.data_quality for f in q.faults if f.kind is FaultKind.DOUBLED]
     assert [f.cause for f in found.findings] == ["transport_delay"]
+
+
+def test_slips_of_a_motion_that_is_all_jumps_are_found() -> None:
+    # one alone undoes as much as it does wrong, for a delay takes what all have in common
+    steps = np.cumsum(np.random.default_rng(5).normal(size=_N) * (np.arange(_N) % 40 == 0))
+    noise = 2e-3 * np.random.default_rng(1).normal(size=_N)
+    places = [850, 1060, 2830]
+    readings = _lost(steps + noise, places)
+    slips = find_slips(readings, steps, _ALL)
+    found = without_slips(Recording(np.arange(_N) * 1.0, steps, readings), slips).recording
+    left = (found.measured_um - steps)[found.valid_samples]
+    assert float(np.std(left)) < 2.0 * 2e-3, "a step is some thousand times the noise"
+
+
+def test_slips_beside_a_load_are_found_where_that_is_asked_for() -> None:
+    places, moved = [700, 1800, 2100], _motion()
+    noise = 2e-3 * np.random.default_rng(1).normal(size=_N)
+    loaded = _lost(moved + noise + 3.0 * (np.arange(_N) >= 1300), places)
+    slips = find_slips(loaded, moved, _ALL, beside_levels=True)
+    assert [s.n_lost for s in slips] == [1] * 3
+    assert [s.sample for s in slips] == pytest.approx(places, abs=3)
