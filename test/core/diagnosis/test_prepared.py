@@ -30,9 +30,10 @@ def _recording(seed: int, ppm: float, is_doubled: bool) -> Recording:
 def _explained(ppm: float, is_doubled: bool, clock_ppm: float) -> frozenset[int]:
     looked = LookedOver.of((_recording(1, ppm, False),), _recording(2, ppm, is_doubled), None)
     given = Prepared.of(looked)
-    moved = Prepared.of(looked.without_slips([(), (Slip(800, -1),)]))
-    clock = ClockSkew(ppm=clock_ppm)
-    return replace(moved, moved=frozenset({1})).explained_moves(given, moved.base.with_cause(clock))
+    slips: tuple[tuple[Slip, ...], ...] = ((), (Slip(800, -1),))
+    moved = replace(Prepared.of(looked.without_slips(slips)), slips=slips)
+    drifting = moved.base.with_cause(ClockSkew(ppm=clock_ppm))
+    return moved.explained_moves(given, drifting, drifting)
 
 
 def test_a_clock_that_drifts_explains_what_seemed_a_doubled_sample() -> None:
