@@ -8,6 +8,7 @@ as a lag or as a clock of its own.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
@@ -45,8 +46,7 @@ def searched_beside(
         if moved is None:
             break
         again = search(moved)
-        pairs = zip(moved.errors_of(again.model), prepared.errors_of(found.model), strict=True)
-        if sum(math.log(now / then) for now, then in pairs) > math.log(_BETTER):
+        if _log_left(moved, again.model) > _log_left(prepared, found.model) + math.log(_BETTER):
             break
         if moved_by_clock(moved, given, before, again.model, executor):
             break
@@ -89,6 +89,11 @@ def _slips_beside(
     after_um = given.with_slips(found).errors_of(model, beside_levels=has_levels)
     options = zip(found, was, after_um, before_um, strict=True)
     return [(now, new) if now < _BETTER * then else (then, old) for new, old, now, then in options]
+
+
+def _log_left(prepared: Prepared, model: TrialModel) -> float:
+    """Return the sum of the logarithms of what a model leaves of each record; finite where it leaves nothing."""
+    return sum(math.log(max(left_um, sys.float_info.min)) for left_um in prepared.errors_of(model))
 
 
 def _without(model: TrialModel, names: Sequence[str]) -> TrialModel:

@@ -50,3 +50,14 @@ def test_readings_moved_for_samples_that_were_lost_are_no_matter_of_clocks() -> 
     given = Prepared.of(LookedOver.of([_record(1, [])], _record(2, [500, 900, 2600]), None))
     moved = given.with_slips([(), (Slip(500, 1), Slip(899, 1), Slip(2598, 1))])
     assert moved_by_clock(moved, given, given.base, moved.base, None) == frozenset()
+
+
+def test_a_record_without_noise_of_which_samples_were_lost_is_told() -> None:
+    time_s, drives_v = _STEP_S * np.arange(_N), [_drive_v(1), _drive_v(2)]
+    reads_um = [np.pad(np.delete(0.5 * drives_v[0], [700, 1900]), (0, 2), mode="edge"), 0.5 * drives_v[1]]
+    records = [
+        Recording(time_s, v, x, name=n) for v, x, n in zip(drives_v, reads_um, ("slipped", "sound"), strict=True)
+    ]
+    found = diagnose(records)
+    assert {(q.name, f.kind) for q in found.data_quality for f in q.faults} == {("slipped", FaultKind.LOST)}
+    assert found.findings == ()
