@@ -115,18 +115,14 @@ class Prepared:
             model: of the records as they were, with the causes found.
             other: of the records with their readings moved.
         """
-        moved, as_read = self._records(), given._records()
-        return frozenset(i for i in self.moved if _error_um(model, as_read[i], i) <= _error_um(other, moved[i], i))
+        as_read_um, moved_um = given.errors_of(model), self.errors_of(other)
+        return frozenset(i for i in self.moved if as_read_um[i] <= moved_um[i])
 
     def _records(self) -> dict[int, FitRecord]:
         """Return all records by their numbers, every sample used that may be."""
         everything = [HeldOut(record, i) for i, record in enumerate(self.split.train)]
         everything += [h for h in (*self.split.held, *self.split.report) if h.index >= len(self.split.train)]
         return {h.index: h.record.using(np.ones(h.record.time_s.size, dtype=np.bool_)) for h in everything}
-
-
-def _error_um(model: TrialModel, record: FitRecord, index: int) -> float:
-    return rms(best_residual(model, record, index)[record.is_used])
 
 
 def best_residual(model: TrialModel, record: FitRecord, index: int) -> Array:

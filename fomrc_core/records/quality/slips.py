@@ -61,8 +61,7 @@ def find_slips(
         beside_delay: whether all readings may be early or late by as much as one another.
         beside_levels: whether readings may stand higher or lower from some moments on, as under a load.
     """
-    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, beside_delay)
-    fit = replace(fit, has_levels=beside_levels)
+    fit = _Fit.of(displacement_um - predicted_um, predicted_um, valid, beside_delay, beside_levels)
     units: list[tuple[int, int]] = []
     least = _LEAST_GAIN * float(np.log(2.0 * predicted_um.size))
     left = float(np.sum(fit.left(units) ** 2))
@@ -119,17 +118,18 @@ class _Fit:
     rate_um: Array
     aside: Array
     valid: Mask
-    has_levels: bool = False
+    has_levels: bool
 
     @classmethod
-    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask, has_delay: bool) -> _Fit:
+    def of(cls, residual_um: Array, predicted_um: Array, valid: Mask, has_delay: bool, has_levels: bool) -> _Fit:
         rate_um = np.gradient(predicted_um)
         others = [np.ones(predicted_um.size), predicted_um - np.mean(predicted_um)]
         if has_delay:
             # the rate to first order and the acceleration to second
             others += [rate_um, np.gradient(rate_um)]
         aside, _ = np.linalg.qr(np.column_stack(others) * valid[:, None])
-        return cls((residual_um - np.mean(residual_um[valid])) * valid, predicted_um, rate_um, aside, valid)
+        centred_um = (residual_um - np.mean(residual_um[valid])) * valid
+        return cls(centred_um, predicted_um, rate_um, aside, valid, has_levels)
 
     def _read(self, units: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
         """Return which sample each reading is of where readings slipped so, shape (n_samples,)."""
