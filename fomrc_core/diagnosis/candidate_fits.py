@@ -14,6 +14,7 @@ import numpy as np
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.fit_starts import N_STARTS, clear_error, fit_starts, scanned, start_variants
 from fomrc_core.diagnosis.held_out_score import SURE
+from fomrc_core.diagnosis.moved_times import with_moments_placed
 from fomrc_core.diagnosis.present_model import PresentModel, residual_inflation
 from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.within_reach import MORE_ITERATIONS, Reach, foreseen_gain
@@ -87,7 +88,7 @@ def gone_on(present: PresentModel, split: DataSplit, begun: Begun, least_um2: fl
     if begun.is_bound:
         # the forms of what befell single records differ little until the base no longer bends to it
         followed = (_followed_to_rest(way, split, present.squared_error) for way in fits)
-        return min(followed, key=lambda f: f.squared_error)
+        return _with_moments_placed(min(followed, key=lambda f: f.squared_error), split, present.squared_error)
     if begun.begins_far_off:
         # the plays were chosen beside the power law: beside another they are others, and no form is told before
         fits = [fit_until_still(fitted.model, split.train) for fitted in _best_of_forms(fits)]
@@ -222,6 +223,22 @@ def _followed(fitted: Refit, split: DataSplit, error: float) -> Refit:
         return fitted
     again = refit(rebased(fitted.model, split.train), split.train, n_iterations=8)
     return again if again.squared_error < fitted.squared_error else fitted
+
+
+def _with_moments_placed(fitted: Refit, split: DataSplit, error: float) -> Refit:
+    """Return the refit with the moments of what befell single records where they belong, and all else gone on.
+
+    A base that had bent to what came at a moment shows it elsewhere; with the one mended the other moves on.
+    """
+    for _ in range(_MOST_CHOICES):
+        model = with_moments_placed(fitted.model, split.train)
+        if model is fitted.model:
+            break
+        moved = _followed_to_rest(refit(model, split.train, n_iterations=MORE_ITERATIONS), split, error)
+        if moved.squared_error >= fitted.squared_error:
+            break
+        fitted = moved
+    return fitted
 
 
 def _followed_to_rest(fitted: Refit, split: DataSplit, error: float) -> Refit:

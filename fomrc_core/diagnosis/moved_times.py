@@ -50,6 +50,61 @@ def with_times_moved_in_all(model: TrialModel, records: Sequence[FitRecord]) -> 
     return model
 
 
+def with_moments_placed(model: TrialModel, records: Sequence[FitRecord]) -> TrialModel:
+    """Return the model with each moment of its causes in these records, its first, where cumulated sums put it.
+
+    A moment that was read from what a bent base had left may be any number of samples off, with nothing to gain by a
+    few: of all places the best is asked, and only that.
+    """
+    for index, record in enumerate(records):
+        for cause in model.causes_in(index):
+            model = _placed(model, record, index, cause)
+    return model
+
+
+def _placed(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
+    if not cause.moved_moments:
+        return model
+    error = _error(model, record, index)
+    for name, at in _numbers(cause, record):
+        change_s = _far_change(model, record, index, cause, name)
+        for trial in _with_one_moved(cause, (name, at), change_s, record) if change_s != 0.0 else ():
+            option = model.with_cause(trial, index)
+            option_error = _error(option, record, index)
+            if option_error < error:
+                error, model, cause = option_error, option, trial
+    return model
+
+
+def _far_change(model: TrialModel, record: FitRecord, index: int, cause: Cause, name: str) -> float:
+    """Return by how much [s] a moment has to move to where what is left asks for it, 0.0 where it stands there.
+
+    What changes at a moment is taken for one level from there on, so that what any other place would leave is a
+    cumulated sum of what this one leaves.
+    """
+    if name not in cause.moved_moments:
+        return 0.0
+    moment_s, time_s, used = float(getattr(cause, name)), record.time_s, record.is_used
+    later = next(_changed(cause, {name: 2.0 * float(time_s[-1]) - float(time_s[0])}), None)
+    is_after = used & (time_s > moment_s)
+    if later is None or not np.any(is_after):
+        return 0.0
+    here_um, _ = predict_passing(model.alone(index), record, 0)
+    never_um, _ = predict_passing(model.with_cause(later, index).alone(index), record, 0)
+    level_um = float(np.median((never_um - here_um)[is_after]))
+    left_um = centred(record.measured_um - here_um, used)
+    begin = int(np.searchsorted(time_s, moment_s))
+    n_between = np.concatenate(([0], np.cumsum(used)))
+    n_between -= n_between[begin]
+    between_um = np.concatenate(([0.0], np.cumsum(np.where(used, left_um, 0.0))))
+    between_um -= between_um[begin]
+    # moved later the samples between come to the level, moved sooner they lose it; the mean goes with them
+    n_used = max(int(np.count_nonzero(used)), 1)
+    gain = 2.0 * level_um * between_um - level_um**2 * (np.abs(n_between) - n_between**2 / n_used)
+    best = int(np.argmax(gain[: time_s.size]))
+    return float(time_s[best] - moment_s) if gain[best] > 0.0 else 0.0
+
+
 def _without_idle(model: TrialModel, record: FitRecord, index: int, name: str) -> TrialModel:
     """Return the model without the times, one of each list together, that gain no more than such times do by chance."""
     cause = _cause(model, index, name)
@@ -82,7 +137,8 @@ def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> Tr
         is_better = False
         for number in _numbers(cause, record):
             best = error, model, cause
-            for change_s in changes_s:
+            far_s = _far_change(model, record, index, cause, number[0])
+            for change_s in (*changes_s, far_s) if far_s else changes_s:
                 for trial in _with_one_moved(cause, number, change_s, record):
                     option = model.with_cause(trial, index)
                     option_error = _error(option, record, index, before)

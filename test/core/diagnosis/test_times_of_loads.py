@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fomrc_core.diagnosis import candidate_fits
 from fomrc_core.diagnosis.acceptance import is_no_wander
 from fomrc_core.diagnosis.candidate import candidate_of
 from fomrc_core.diagnosis.data_split import DataSplit, HeldOut, split_data
@@ -16,6 +18,7 @@ from fomrc_core.diagnosis.judgement import Status
 from fomrc_core.diagnosis.moved_times import with_times_moved
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held
+from fomrc_core.diagnosis.screening import Screened
 from fomrc_core.diagnosis.wander import gain_beyond_wander
 from fomrc_core.effects.external_load import ExternalLoad
 from fomrc_core.fitting.fit_record import FitRecord
@@ -102,6 +105,31 @@ def test_an_edge_that_jumps_in_the_middle_of_a_rise_moves_to_where_it_begins() -
     load = _moved(ExternalLoad(0.3, STEP_S * 405.9, STEP_S * 805.9, 0.0), record)
     assert load.rise_s == pytest.approx(STEP_S, abs=0.3 * STEP_S)
     assert load.release_s == pytest.approx(STEP_S * 800.4, abs=0.3 * STEP_S)
+
+
+@pytest.mark.parametrize(("onset", "release"), [(105.4, 800.4), (700.6, 1150.4), (400.4, 420.4)])
+def test_moments_of_a_load_go_as_far_as_it_takes(onset: float, release: float) -> None:
+    record = _loaded(-0.3 * settled(1200, 400.4, 800.4, 0.5))
+    record = record.using(np.abs(record.time_s - STEP_S * 600.0) > 20 * STEP_S)
+    load = _moved(ExternalLoad(-0.3, STEP_S * onset, STEP_S * release), record)
+    assert load.onset_s == pytest.approx(STEP_S * 400.4, abs=STEP_S)
+    assert load.release_s == pytest.approx(STEP_S * 800.4, abs=STEP_S)
+
+
+def test_a_load_that_was_read_from_what_a_bent_base_left_is_fitted_where_it_is() -> None:
+    rng = np.random.default_rng(8)
+    blank = [_loaded(0.3 * settled(1200, begin, begin + 350.0, 0.5)) for begin in (400.4, 600.7)]
+    told = [Recording(r.time_s, r.voltage_v, r.measured_um + rng.normal(0.0, NOISE_UM, r.time_s.size)) for r in blank]
+    split = split_data((told[0],), told[1], None, NOISE_UM)
+    present = PresentModel.of(PLAIN, split)
+    # a hundred samples off at one end: beside what is left there no edge stands out
+    read = Screened(ExternalLoad(0.25, 3.0, 7.504), 0, explained=1.0, signature_power=1.0, amplitude=1.0)
+    fitted = candidate_fits.gone_on(present, split, candidate_fits.begin((present, split, [read])), math.inf)
+    assert fitted is not None
+    (load,) = fitted.model.causes_in(0)
+    assert isinstance(load, ExternalLoad)
+    assert load.onset_s == pytest.approx(4.004, abs=STEP_S)
+    assert candidate_of(present, split, load.name, fitted, bound=True).is_plausible
 
 
 def test_a_load_is_found_in_records_whose_sensor_stuck_for_a_while() -> None:
