@@ -119,9 +119,11 @@ def search(
             if chosen is None:
                 runner_up = candidates[0] if candidates else None
                 return SearchResult(state.model, look.steps, state.final, screened, runner_up, tuple(budget.left_out))
+        n_before = len(state.steps)
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
-        state = with_finding(state, accepted, candidates, split, causes, executor)
+        is_second = len(state.steps) > n_before
+        state = with_finding(state, accepted, candidates, split, causes, executor, is_second=is_second)
         state = with_better_rival(state, split, causes, executor, budget, partial(tell, share + 0.12))
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)

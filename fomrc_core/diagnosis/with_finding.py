@@ -32,18 +32,29 @@ def with_finding(
     split: DataSplit,
     causes: tuple[str, ...],
     executor: Executor | None,
+    *,
+    is_second: bool = False,
 ) -> SearchState:
-    """Return the state after an acceptance: fitted until still, every finding tested again."""
+    """Return the state after an acceptance: fitted until still, every finding tested again.
+
+    Args:
+        state: before it; with the first of a pair where the second is accepted.
+        accepted: the candidate.
+        candidates: those it is compared with.
+        split: records.
+        causes: names to try.
+        executor: runs refits side by side where given.
+        is_second: whether it is the second of a pair, and was not asked for beside the first.
+    """
+    # Many arguments: one move of a search, and whether it is half of one.
     tied = ties_of(accepted, candidates, split)
     rivals = rivals_of(accepted, candidates)
     if not split.is_telling:
         tied += [rival for rival in rivals if rival not in tied]
     compared = [*candidates, *kin_left_out(accepted, PresentModel.of(state.model, split), split, causes)]
     margins = margin_of(accepted, compared, split), whitened_margin_of(accepted, compared, split)
-    is_second = bool(state.steps) and math.isnan(state.steps[-1].margin)
     if (is_second or not is_accepted(accepted, len(causes))) and cause_classes()[accepted.cause].is_exchangeable:
-        # the second of a pair was not asked for beside the first, and what was found beside something slow was hidden
-        # by it: the last look compares them
+        # those it was chosen from stood beside other causes, or something slow hid it: the last look compares it
         margins = math.nan, math.nan
     step = Step(state.model, accepted, (), (), rivals, *margins).tied_with(tied)
     final = fit_until_still(_in_shortest_form(accepted.fitted.model), split.train, executor)
