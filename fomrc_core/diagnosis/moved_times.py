@@ -130,23 +130,29 @@ def _cause(model: TrialModel, index: int, name: str) -> Cause:
 def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
     step_s = float(np.median(record.steps_s))
     changes_s = [sign * samples * step_s for samples in _MOVES for sign in (1.0, -1.0)]
-    error, n_trials, is_better = _error(model, record, index), 0, True
+    error, n_trials = _error(model, record, index), 0
     # times move nothing that comes before their cause in the chain
     before = Before(predict_passing(model.alone(index), record, 0)[1], stage_of(cause))
-    while is_better and n_trials < _MOST_TRIALS:
-        is_better = False
-        for number in _numbers(cause, record):
+    # beginning and end of one event make up for each other; events apart from one another do not
+    open_places = {at for _, at in _numbers(cause, record)}
+    while open_places and n_trials < _MOST_TRIALS:
+        moved_places = set()
+        for name, at in _numbers(cause, record):
+            if at not in open_places:
+                continue
             best = error, model, cause
-            far_s = _far_change(model, record, index, cause, number[0])
+            far_s = _far_change(model, record, index, cause, name)
             for change_s in (*changes_s, far_s) if far_s else changes_s:
-                for trial in _with_one_moved(cause, number, change_s, record):
+                for trial in _with_one_moved(cause, (name, at), change_s, record):
                     option = model.with_cause(trial, index)
                     option_error = _error(option, record, index, before)
                     n_trials += 1
                     if option_error < best[0]:
                         best = option_error, option, trial
-            is_better = is_better or best[1] is not model
+            if best[1] is not model:
+                moved_places.add(at)
             error, model, cause = best
+        open_places = moved_places
     return model
 
 

@@ -14,6 +14,7 @@ from fomrc_core.effects.base.contact_times import open_times
 from fomrc_core.effects.base.effect import Array, Effect, Parameter, Stage
 from fomrc_core.effects.base.evidence import Evidence
 from fomrc_core.effects.base.kernels import elapsed_times
+from fomrc_core.effects.base.open_behind import open_times_behind
 from fomrc_core.effects.base.step_form import (
     CLOCK_FIELDS,
     FieldKind,
@@ -283,9 +284,10 @@ class IntermittentContact(Effect):
             for cling in _CLINGS
         ]
         for record in evidence.records:
-            opens_s, closes_s = open_times(record, evidence.noise_um)
-            if opens_s:
-                trials.append({"opens_s": opens_s, "closes_s": closes_s})
+            found = [open_times(record, evidence.noise_um)]
+            if record.step_response is not None:
+                found.append(open_times_behind(record, evidence.noise_um, record.step_response()))
+            trials += [{"opens_s": opens_s, "closes_s": closes_s} for opens_s, closes_s in found if opens_s]
         return cls.proposed(trials)
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from fomrc_core.compute.arrays import Array
 from fomrc_core.effects.base.evidence import Evidence, RecordEvidence
 from fomrc_core.fitting.fit_record import FitRecord
+from fomrc_core.fitting.step_response import step_response
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.quality import bridged
 from fomrc_core.records.sensor_step import recurring_step_um, sensor_step_um
@@ -40,6 +43,7 @@ def evidence_of(
                 legible(residual_um, record),
                 record.covariates,
                 _sensor_step_um(record.measured_um[record.recording.valid_samples]),
+                partial(step_response, trial, record),
             )
             for index, (record, residual_um) in enumerate(zip(records, residuals_um, strict=True))
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ class RecordEvidence:
         residual_um: measured minus predicted [um], offset removed.
         covariates: what was recorded beside drive and displacement.
         sensor_step_um: step all readings are whole multiples of [um]; nan where there is none.
+        step_response: asked for what the model shows after a small step of the drive, of its end [1], sample by sample,
+            hysteresis and creep aside; None where nobody knows.
     """
 
     time_s: Array
@@ -35,6 +38,7 @@ class RecordEvidence:
     residual_um: Array
     covariates: Covariates = NO_COVARIATES
     sensor_step_um: float = math.nan
+    step_response: Callable[[], Array] | None = None
 
     def has(self, covariate: Covariate) -> bool:
         """Return whether this signal was recorded."""
