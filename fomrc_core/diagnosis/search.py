@@ -123,7 +123,7 @@ def search(
         state, accepted = chosen
         tell(share + 0.1, f"found {accepted.cause}, joint refit")
         is_second = len(state.steps) > n_before
-        state = with_finding(state, accepted, candidates, split, causes, executor, is_second=is_second)
+        state = with_finding(state, accepted, candidates, split, causes, executor, is_second)
         state = with_better_rival(state, split, causes, executor, budget, partial(tell, share + 0.12))
     state = without_wander(state, split, executor)
     look = _last_look(state, split, causes, executor, budget)

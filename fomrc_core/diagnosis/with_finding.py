@@ -32,7 +32,6 @@ def with_finding(
     split: DataSplit,
     causes: tuple[str, ...],
     executor: Executor | None,
-    *,
     is_second: bool = False,
 ) -> SearchState:
     """Return the state after an acceptance: fitted until still, every finding tested again.

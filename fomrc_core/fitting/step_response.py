@@ -13,7 +13,7 @@ from fomrc_core.fitting.play_columns import ColumnKinds
 from fomrc_core.fitting.trial_model import TrialModel, predict
 from fomrc_core.records.recording import Recording
 
-_LONGEST = 2000  # samples
+_LONGEST = 1000  # samples
 _STEP = 0.1  # of the range of the drive
 _N_BEFORE = 2  # samples at rest: a record has more than one
 

@@ -16,6 +16,7 @@ __all__ = [
     "linear_columns",
     "linear_modes",
     "linear_terms",
+    "open_behind",
     "pairs_beside",
     "parameter",
     "ringing",

@@ -19,11 +19,13 @@ _FAR = 6.0  # rms of noise: no normal number in a long record is as far out
 _SETTLED = 0.05  # of its end: so near a response is there
 _BEGUN = 0.1  # of its end: from here on it shows
 _AT_ONCE = 0.9  # of its end after one step: nothing lags
-_LONGEST = 2000  # samples of a response, and of an opening: as many samples as any that shows in each of them
+_LONGEST = 1000  # samples of a response, and of an opening
+_MOST_OUT = 0.5  # of a record stands out: more is no event
 _MOST = 12  # openings of a record, as in contact_times.py
 _BESIDE = 16  # samples before the residual stands out in which it begins: a mass follows with the third power of time
 _LEAST_SHARE = 0.5  # of the power of what stands out there: less is something else
 _TAIL = 32  # samples after it has closed by which an end is judged
+_MOST_PLACES = 24  # asked in a record: of more that stand out a lead is not what is wrong
 _MOST_TOGETHER = 3  # of one place: one opens while the stage still rings of another
 _OF_ANOTHER = 0.9  # of that power is left by one more: it was none
 _LEAST_GAIN, _MOST_GAIN = 0.4, 2.5  # of the actuator: loops are no wider
@@ -51,9 +53,11 @@ def open_times_behind(
     spread_um = _MEDIAN_TO_RMS * float(np.median(np.abs(left_um - np.median(left_um))))
     far_um = _FAR * max(noise_um, spread_um)
     gains = (-_MOST_GAIN * um_per_v, -_LEAST_GAIN * um_per_v)
+    if np.count_nonzero(np.abs(left_um) > far_um) > _MOST_OUT * left_um.size:
+        return (), ()
     found: list[tuple[int, int]] = []
     at = 1
-    while len(found) <= _MOST:
+    for _ in range(_MOST_PLACES):
         out = np.flatnonzero(np.abs(left_um[at:]) > far_um)
         if not out.size:
             break
@@ -93,7 +97,9 @@ def _in_group(
         out = np.flatnonzero(np.abs(rest_um[at : group.stop]) > far_um)
         if not out.size:
             break
-        begins = np.arange(max(at + int(out[0]) - n_late - _BESIDE, at), at + int(out[0]) + 1)
+        first = at + int(out[0])
+        latest = max(min(first - n_late + _BESIDE, first), at)
+        begins = np.arange(max(first - n_late - _BESIDE, at), latest + 1)
         begin, end, gain = _best(voltage_v, rest_um, pulses, begins, group.stop - 1)
         if end <= begin or not gains[0] < gain < gains[1]:
             break

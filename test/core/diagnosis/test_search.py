@@ -273,7 +273,7 @@ def test_a_cause_that_does_better_in_anothers_place_leaves_the_others_standing(
     monkeypatch.setattr(
         search,
         "with_finding",
-        lambda state, accepted, *_, **__: replace(state, steps=(*state.steps, steps[len(state.steps)])),
+        lambda state, accepted, *_: replace(state, steps=(*state.steps, steps[len(state.steps)])),
     )
     result = search.search(start, split, ("unequal_lag", "dead_zone", "transport_delay"), lambda *_: None)
     assert seen == [("unequal_lag", "dead_zone"), ("transport_delay", "dead_zone"), ("a pair",)]
