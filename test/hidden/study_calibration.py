@@ -37,6 +37,9 @@ def main() -> None:
     parser.add_argument("folders", nargs="+", type=Path, help="folders of outcomes")
     options = parser.parse_args()
     files = sorted(file for folder in options.folders for file in folder.glob("second_*.json"))
+    if not files:
+        asked = ", ".join(str(folder) for folder in options.folders)
+        parser.exit(2, f"study_calibration: no outcome in {asked}; allowed: folders with second_*.json of a study\n")
     report([json.loads(file.read_text(encoding="utf-8")) for file in files])
 
 
