@@ -26,7 +26,8 @@ def with_times_moved(model: TrialModel, record: FitRecord, index: int) -> TrialM
     """Return the model with the times of its causes in one record where they leave least, the idle ones gone.
 
     Each time in turn goes where it leaves least of all places within some samples, the near ones asked as well as the
-    far ones: a drive comes by one voltage often, and a step that is too long leads into the next valley. No time goes
+    far ones: a drive comes by one voltage often, and a step that is too long leads into the next valley. A moment from
+    which on one level is another goes to any place of the record, where cumulated sums ask for it. No time goes
     to or from where the record's samples are not looked at: there nothing holds it, and it would make up for what is
     wrong elsewhere.
 
@@ -58,21 +59,8 @@ def with_moments_placed(model: TrialModel, records: Sequence[FitRecord]) -> Tria
     """
     for index, record in enumerate(records):
         for cause in model.causes_in(index):
-            model = _placed(model, record, index, cause)
-    return model
-
-
-def _placed(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
-    if not cause.moved_moments:
-        return model
-    error = _error(model, record, index)
-    for name, at in _numbers(cause, record):
-        change_s = _far_change(model, record, index, cause, name)
-        for trial in _with_one_moved(cause, (name, at), change_s, record) if change_s != 0.0 else ():
-            option = model.with_cause(trial, index)
-            option_error = _error(option, record, index)
-            if option_error < error:
-                error, model, cause = option_error, option, trial
+            if cause.moved_moments:
+                model = _moved(model, record, index, cause, moves=(), n_most=1)
     return model
 
 
@@ -127,15 +115,26 @@ def _cause(model: TrialModel, index: int, name: str) -> Cause:
     return next(cause for cause in model.causes_in(index) if cause.name == name)
 
 
-def _moved(model: TrialModel, record: FitRecord, index: int, cause: Cause) -> TrialModel:
+def _moved(
+    model: TrialModel,
+    record: FitRecord,
+    index: int,
+    cause: Cause,
+    moves: tuple[float, ...] = _MOVES,
+    n_most: int = _MOST_TRIALS,
+) -> TrialModel:
+    """Return the model with each time of a cause moved by the best of so many samples, a moment to any place as well.
+
+    No other round begins after so many trials.
+    """
     step_s = float(np.median(record.steps_s))
-    changes_s = [sign * samples * step_s for samples in _MOVES for sign in (1.0, -1.0)]
+    changes_s = [sign * samples * step_s for samples in moves for sign in (1.0, -1.0)]
     error, n_trials = _error(model, record, index), 0
     # times move nothing that comes before their cause in the chain
     before = Before(predict_passing(model.alone(index), record, 0)[1], stage_of(cause))
     # beginning and end of one event make up for each other; events apart from one another do not
     open_places = {at for _, at in _numbers(cause, record)}
-    while open_places and n_trials < _MOST_TRIALS:
+    while open_places and n_trials < n_most:
         moved_places = set()
         for name, at in _numbers(cause, record):
             if at not in open_places:
