@@ -38,7 +38,7 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
         if other is winner or other.is_bound or not cause_classes()[other.cause].is_exchangeable:
             continue
         if winner.is_bound:
-            if is_accepted(other, n_causes) and _explains_events(other, winner, split):
+            if is_accepted(other, n_causes) and explains_events(other, winner, split):
                 return other
             continue
         learnt = other.train_log_gain - winner.train_log_gain
@@ -56,7 +56,7 @@ def likelier(winner: Candidate, candidates: list[Candidate], split: DataSplit, n
     return winner
 
 
-def _explains_events(other: Candidate, winner: Candidate, split: DataSplit) -> bool:
+def explains_events(other: Candidate, winner: Candidate, split: DataSplit) -> bool:
     """Return whether what belongs to the actuator leaves surely less than what befell records.
 
     It has no place in a record to choose. The other was scored on blocks of the records it was fitted to: of the two

@@ -249,7 +249,11 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
         found = _causes_of(prepared, causes, asked, tell, known)
     if known is None:
         prepared, found = searched_beside(
-            given, prepared, found, lambda moved: _causes_of(moved, causes, asked, tell, known), asked.executor
+            given,
+            prepared,
+            found,
+            lambda moved: _causes_of(moved, causes, asked, tell, known, is_once_more=True),
+            asked.executor,
         )
     looked, noise, split, base = prepared.looked, prepared.noise, prepared.split, prepared.base
     elements = next((name for name, kind in wanted.items() if kind.adds_elements), None)
@@ -264,12 +268,18 @@ def _searched(looked: LookedOver, asked: Asked, tell: Progress, known: LongSearc
 
 
 def _causes_of(
-    prepared: Prepared, causes: tuple[str, ...], asked: Asked, tell: Progress, known: LongSearch | None
+    prepared: Prepared,
+    causes: tuple[str, ...],
+    asked: Asked,
+    tell: Progress,
+    known: LongSearch | None,
+    *,
+    is_once_more: bool = False,
 ) -> SearchResult:
     """Return what a search of prepared records comes to, from causes that act whatever is found, where there are."""
     split, base = prepared.split, prepared.base
     start = base if known is None else known.start(base, split, asked.executor)
-    return search(start, split, causes, tell, asked.executor, asked.is_thorough)
+    return search(start, split, causes, tell, asked.executor, asked.is_thorough, is_once_more)
 
 
 def _of_long(long: LongSearch, asked: Asked, tell: Progress) -> Diagnosis:

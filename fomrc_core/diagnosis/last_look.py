@@ -15,6 +15,7 @@ from fomrc_core.diagnosis.acceptance import HARDLY, NEARLY, is_accepted
 from fomrc_core.diagnosis.candidate import Candidate, candidate_of, candidates_for
 from fomrc_core.diagnosis.data_split import DataSplit, held_residuals
 from fomrc_core.diagnosis.decision import (
+    explains_events,
     is_likelier_than,
     is_surely_better,
     margin_of,
@@ -117,12 +118,16 @@ def _better(
 ) -> Candidate | None:
     """Return the candidate that surely does better in a cause's place, or does as well with fewer parameters.
 
-    In the place of what befell single records only what befell them may stand, if it surely does better: what belongs
-    to the actuator was scored on other data.
+    In the place of what befell single records what befell them may stand, if it surely does better. What belongs to
+    the actuator was scored on other data: it may where training says so with its parameters counted, as at first.
     """
     held = held_residuals(final.model, split.held)
     for other in candidates:
-        if (own.is_bound and not other.is_bound) or not is_accepted(other, n_causes):
+        if own.is_bound and not other.is_bound:
+            if explains_events(other, own, split) and is_accepted(other, n_causes):
+                return other
+            continue
+        if not is_accepted(other, n_causes):
             continue
         if other.is_bound:
             if sure_gain(final, other.fitted, split) > SURE and _held_gain(final, held, other, split) > _BETTER:

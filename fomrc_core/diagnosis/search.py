@@ -18,6 +18,7 @@ from fomrc_core.diagnosis.finer_grid import on_finer_grid
 from fomrc_core.diagnosis.held_out_score import SURE, held_out_score
 from fomrc_core.diagnosis.kin import with_kin
 from fomrc_core.diagnosis.last_look import LastLook, looked_at_last
+from fomrc_core.diagnosis.noise_beside import with_noise_beside
 from fomrc_core.diagnosis.pair_search import Round, any_pair, or_pair
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.screening import Screened, held_view, screen
@@ -67,6 +68,7 @@ def search(
     tell: Tell,
     executor: Executor | None = None,
     is_thorough: bool = False,
+    is_once_more: bool = False,
 ) -> SearchResult:
     """Return the causes the data carry, from a model without effects.
 
@@ -77,14 +79,16 @@ def search(
         tell: progress.
         executor: runs refits side by side where given.
         is_thorough: whether ten times the work is allowed.
+        is_once_more: whether the records were searched before, readings of theirs not where they belong.
     """
-    # Long: one loop of rounds, each question of a round in its order.
-    budget = WorkBudget.of(split, is_thorough)
+    # Long: one loop of rounds, each question of a round in its order. Many arguments: what a diagnosis was asked.
+    budget = WorkBudget.of(split, is_thorough, is_once_more=is_once_more)
     final = refit(start, split.train, n_iterations=2)
     state = SearchState(final.model, (), final, frozenset())
     for number in range(_MAX_ROUNDS):
         share = 0.15 + 0.8 * number / _MAX_ROUNDS
         tell(share, f"screening, {len(state.steps)} causes so far")
+        split = with_noise_beside(split, state.final.residual)
         state, look = _refined(state, split, executor), None
         if state.steps and state.final.squared_error < AS_NOISE * split.noise_um2:
             # hardly more is to be found: a name that is sure is worth more, and is compared before the work is used up

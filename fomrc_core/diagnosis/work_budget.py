@@ -26,6 +26,9 @@ _FOR_NAMES = 3.2e10
 _SAMPLES = 40_000
 # Times as much where the search is asked to be thorough: an end is told then as well, in minutes.
 _THOROUGH = 10.0
+# The same of one that goes over records once more, some of their readings where they belong: most of what it asks has
+# been asked before, and what hid the answer is gone.
+_ONCE_MORE = 0.5
 
 PAIRS = "two causes at once were not sought to the end"
 CAUSES = "no further causes were sought"
@@ -59,11 +62,15 @@ class WorkBudget:
     left_out: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, split: DataSplit, is_thorough: bool = False) -> WorkBudget:
-        """Return the budget of a search that begins now, ten times as much of one that is asked to be thorough."""
+    def of(cls, split: DataSplit, is_thorough: bool = False, *, is_once_more: bool = False) -> WorkBudget:
+        """Return the budget of a search that begins now.
+
+        Ten times as much of one that is asked to be thorough, half of one that was made before of the records as read.
+        """
         records = {id(r.tally): r for r in (*split.train, *(h.record for h in (*split.held, *split.report)))}.values()
         n_before = sum(record.tally.n_done for record in records)
-        size = max(1.0, sum(record.time_s.size for record in records) / _SAMPLES) * (_THOROUGH if is_thorough else 1.0)
+        times = (_THOROUGH if is_thorough else 1.0) * (_ONCE_MORE if is_once_more else 1.0)
+        size = max(1.0, sum(record.time_s.size for record in records) / _SAMPLES) * times
         return cls(lambda: sum(record.tally.n_done for record in records) - n_before, size)
 
     @classmethod

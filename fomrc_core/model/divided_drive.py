@@ -57,7 +57,7 @@ class _Division:
     """
 
     sampled: ElementDrive
-    asked: tuple[Substeps, int, float, float, float]
+    asked: tuple[Substeps, int | bytes, float, float, float]
     divided: ElementDrive
     bend_v: float
 
@@ -69,11 +69,17 @@ class KeptDivisions:
         self._kept: tuple[_Division, ...] = ()
 
     def of(
-        self, state: ModelState, sampled: ElementDrive, substeps: Substeps, n_least: int, largest_v: float | None = None
+        self,
+        state: ModelState,
+        sampled: ElementDrive,
+        substeps: Substeps,
+        n_least: int | NDArray[np.int64],
+        largest_v: float | None = None,
     ) -> ElementDrive:
         """Return the drive on the parts of its steps, see ``divided_drive``; the state moves on as there."""
-        largest_v = _largest_v(state, largest_v)
-        asked = (substeps, n_least, largest_v, state.last_input, state.bend)
+        largest_v = largest_threshold(state, largest_v)
+        least = n_least if isinstance(n_least, int) else n_least.tobytes()
+        asked = (substeps, least, largest_v, state.last_input, state.bend)
         for kept in self._kept:
             is_same_drive = kept.sampled.voltage_v is sampled.voltage_v and kept.sampled.steps_s is sampled.steps_s
             if is_same_drive and kept.asked == asked:
@@ -90,7 +96,7 @@ def divided_drive(
     state: ModelState,
     sampled: ElementDrive,
     substeps: Substeps,
-    n_least: int,
+    n_least: int | NDArray[np.int64],
     largest_v: float | None = None,
     *,
     is_held: bool = False,
@@ -101,7 +107,7 @@ def divided_drive(
         state: of the chain.
         sampled: the drive at its samples.
         substeps: how steps are divided.
-        n_least: parts of each step at least.
+        n_least: parts of each step at least, or of each its own, shape (n_samples,).
         largest_v: largest threshold [V], where it is not that of the state's plays.
         is_held: whether the drive jumps from sample to sample, and a sample reads the mean over its parts.
     """
@@ -113,7 +119,7 @@ def divided_drive(
         if is_held and substeps is Substeps.FIT:
             substeps = Substeps.BENDS  # every step is a jump, spread over one of its parts
         change_v = drive_v - before_v
-        parts, state.bend = parts_of_steps(change_v, _largest_v(state, largest_v), n_least, substeps, state.bend)
+        parts, state.bend = parts_of_steps(change_v, largest_threshold(state, largest_v), n_least, substeps, state.bend)
         if np.any(parts > 1):
             steps_s, fine_v, ends = subdivide(steps_s, drive_v, last_v, parts)
             drive_v = held_parts(before_v, drive_v, parts) if is_held else fine_v
@@ -122,7 +128,7 @@ def divided_drive(
     return ElementDrive(steps_s, drive_v, ends, is_averaged=is_held)
 
 
-def _largest_v(state: ModelState, largest_v: float | None) -> float:
+def largest_threshold(state: ModelState, largest_v: float | None) -> float:
     """Return the largest threshold [V]: as given, else that of the state's plays."""
     if largest_v is not None:
         return largest_v

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from fomrc_core.compute.compiled import compiled_or, compiled_sums
 from fomrc_core.model.plain_kernels import PlainKernels
 from fomrc_core.operators.creep import differentiate_step, integrate_step
-from fomrc_core.operators.creep_batch import differentiate, integrate
+from fomrc_core.operators.creep_batch import differentiate, integrate, integrate_parts
 from fomrc_core.operators.hysteresis import (
     move_plays,
+    move_plays_at_once,
     move_plays_batch,
     move_stops,
     move_stops_batch,
+    move_widened_plays_at_once,
     move_widened_plays_batch,
 )
 
@@ -70,6 +72,29 @@ def forward(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out:
         integrate(packed, at_creep, moved, steps_s[start:stop], moved)
 
 
+@compiled_or(_forward_plain)
+def forward_parts(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with the displacement [um] of each part of divided steps, to rounding, shape (n_parts,)."""
+    for start in range(0, voltage_v.size, BLOCK):
+        stop = min(start + BLOCK, voltage_v.size)
+        moved = out[start:stop]
+        move_plays_at_once(packed, 0, voltage_v[start:stop], moved)
+        integrate_parts(packed, at_creep, moved, steps_s[start:stop], moved)
+
+
+@compiled_or(_forward_beside_plain)
+def forward_beside_parts(
+    packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array, out: Array
+) -> None:
+    """Fill ``out`` with the same where something acts beside the elements, (n_parts,)."""
+    for start in range(0, voltage_v.size, BLOCK):
+        stop = min(start + BLOCK, voltage_v.size)
+        moved = out[start:stop]
+        move_plays_at_once(packed, 0, voltage_v[start:stop], moved)
+        moved += beside_um[start:stop]
+        integrate_parts(packed, at_creep, moved, steps_s[start:stop], moved)
+
+
 @compiled_or(_forward_beside_plain)
 def forward_beside(
     packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array, out: Array
@@ -91,6 +116,16 @@ def forward_widened(
     move_widened_plays_batch(packed, 0, voltage_v, widening, out)
     out += beside_um
     integrate(packed, at_creep, out, steps_s, out)
+
+
+@compiled_sums
+def forward_widened_parts(
+    packed: Array, at_creep: int, voltage_v: Array, widening: Array, beside_um: Array, steps_s: Array, out: Array
+) -> None:
+    """Fill ``out`` with the same of each part of divided steps, to rounding, shape (n_parts,)."""
+    move_widened_plays_at_once(packed, 0, voltage_v, widening, out)
+    out += beside_um
+    integrate_parts(packed, at_creep, out, steps_s, out)
 
 
 @compiled_or(_inverse_plain)

@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 
 from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
-from fomrc_core.model.divided_drive import ElementDrive, KeptDivisions, divided_drive
-from fomrc_core.model.kernels import forward, forward_beside, forward_widened
+from fomrc_core.model.divided_drive import ElementDrive, KeptDivisions, divided_drive, largest_threshold
+from fomrc_core.model.kernels import (
+    forward,
+    forward_beside,
+    forward_beside_parts,
+    forward_parts,
+    forward_widened,
+    forward_widened_parts,
+)
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps, least_parts
+from fomrc_core.model.swing_parts import least_of_steps, swinging
 from fomrc_core.operators.creep import CreepModes, creep_block
 from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
 
@@ -47,6 +55,7 @@ class Passage:
 
     Attributes:
         n_least: into how many parts the effects asked each step to be divided at least.
+        swings: those that say where fewer will do.
         divided: the drive after the effects at its samples, on the parts of the steps.
         driven: the drive after the effects between its samples.
         elements: what the elements saw.
@@ -55,6 +64,7 @@ class Passage:
     """
 
     n_least: int
+    swings: tuple[Effect, ...]
     divided: ElementDrive
     driven: ElementDrive
     elements: ElementDrive
@@ -81,7 +91,8 @@ def gone_on_from(
     """Return the run before where a chain divides the steps alike, None where it must run from the beginning."""
     if before is None or substeps is Substeps.DIRECTIONS:
         return before  # a difference is of what is divided alike
-    return before if before.passage.n_least == least_parts(effects, steps_s, substeps) else None
+    is_alike = before.passage.n_least == least_parts(effects, steps_s, substeps)
+    return before if is_alike and before.passage.swings == swinging(effects) else None
 
 
 def drive_at_elements(
@@ -120,13 +131,15 @@ def _divided(
     """Return the drive after the effects at its samples, on the parts of the steps."""
     # Many arguments: those of drive_at_elements, into how many parts at least, and what was divided before.
     at_samples = of_stage(effects, Stage.SAMPLED_DRIVE)
-    if not at_samples and kept is not None:
-        return kept.of(state, sampled, substeps, n_least, largest_v)
     drive_v = sampled.voltage_v
     for effect in at_samples:
         drive_v = effect.run(state.effects[effect.name], drive_v, sampled.steps_s)
+    scale_v = largest_threshold(state, largest_v)
+    least = least_of_steps(effects, sampled.steps_s, drive_v, scale_v, substeps, n_least)
+    if not at_samples and kept is not None:
+        return kept.of(state, sampled, substeps, least, largest_v)
     is_held = any(effect.holds for effect in at_samples)
-    return divided_drive(state, replace(sampled, voltage_v=drive_v), substeps, n_least, largest_v, is_held=is_held)
+    return divided_drive(state, replace(sampled, voltage_v=drive_v), substeps, least, largest_v, is_held=is_held)
 
 
 def _driven(state: ModelState, effects: tuple[Effect, ...], divided: ElementDrive) -> ElementDrive:
@@ -159,16 +172,21 @@ def _of_elements(state: ModelState, at_creep: int, effects: tuple[Effect, ...], 
     """Return the displacement of elements, what acts beside them, and creep [um], shape (n_parts,)."""
     moved_um = np.empty(drive.voltage_v.size)
     beside = of_stage(effects, Stage.HYSTERESIS)
+    # sample by sample a batch is its steps bit for bit
+    is_divided = drive.ends is not None
     if not beside:
-        forward(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
+        run = forward_parts if is_divided else forward
+        run(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
         return moved_um
     added_um = np.zeros(drive.voltage_v.size)
     for effect in beside:
         added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
     if drive.widening is None:
-        forward_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
+        run_beside = forward_beside_parts if is_divided else forward_beside
+        run_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
     else:
-        forward_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
+        run_widened = forward_widened_parts if is_divided else forward_widened
+        run_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
     return moved_um
 
 
@@ -251,7 +269,7 @@ def pass_chain(
     seen_um = sensed_um
     for effect in of_stage(effects, Stage.SENSED):
         seen_um = effect.run(state.effects[effect.name], seen_um, sampled.steps_s, covariates.of(effect.covariate))
-    return seen_um, Passage(n_least, divided, driven, elements, moved_um, sensed_um)
+    return seen_um, Passage(n_least, swinging(effects), divided, driven, elements, moved_um, sensed_um)
 
 
 def settle_chain(

@@ -55,7 +55,9 @@ TURN = 2e-3  # of the largest threshold, change from step to step
 STRAIGHT = 5e-3  # of the same, change within a part
 
 # By how much what swings turns in a part [rad]: a straight line over it is off by an eighth of its square at most.
-_TURNS = {Substeps.FIT: 0.05, Substeps.DIRECTIONS: 0.4}
+TURNS = {Substeps.FIT: 0.05, Substeps.DIRECTIONS: 0.4}
+# Of the largest threshold, by how much it may be off where little swings (swing_parts.py).
+SWING = 5e-6
 
 
 def substeps_of(word: object, effects: tuple[Effect, ...], has_start: bool, where: str) -> Substeps:
@@ -89,15 +91,15 @@ def least_parts(effects: tuple[Effect, ...], steps_s: Array, substeps: Substeps)
     """
     if substeps is Substeps.BENDS:
         return max((effect.least_parts(effects) for effect in effects), default=1)
-    if substeps in _TURNS:
+    if substeps in TURNS:
         # what is measured is so in its longest step, too; of a direction a usual step will do
         step_s = float(np.max(steps_s) if substeps is Substeps.FIT else np.mean(steps_s))
-        return max((effect.parts_of_turn(effects, step_s, _TURNS[substeps]) for effect in effects), default=1)
+        return max((effect.parts_of_turn(effects, step_s, TURNS[substeps]) for effect in effects), default=1)
     return 1
 
 
 def parts_of_steps(
-    change_v: Array, scale_v: float, n_least: int, substeps: Substeps, bend_v: float = 0.0
+    change_v: Array, scale_v: float, n_least: int | NDArray[np.int64], substeps: Substeps, bend_v: float = 0.0
 ) -> tuple[NDArray[np.int64], float]:
     """Return into how many equal parts each step is divided, shape (n_samples,), and the bend left for the next [V].
 
@@ -108,7 +110,7 @@ def parts_of_steps(
     Args:
         change_v: change of the drive over each step [V], shape (n_samples,).
         scale_v: largest threshold of the plays [V].
-        n_least: parts of each step at least, see ``least_parts``.
+        n_least: parts of each step at least, or of each its own, shape (n_samples,); see ``least_parts``.
         substeps: how finely.
         bend_v: bend left over from the steps before [V].
     """
@@ -117,21 +119,20 @@ def parts_of_steps(
     parts = np.empty(change_v.size, dtype=np.int64)
     if substeps not in (Substeps.BENDS, Substeps.FIT):
         n_large = N_PARTS_LARGE if substeps is Substeps.JUMPS else N_PARTS_FEW
-        _fill_jumps(change_v, LARGE_CHANGE * scale_v, n_large, n_least, parts)
-        return parts, 0.0
-    return parts, _fill_bends(change_v, scale_v, n_least, substeps is Substeps.FIT, bend_v, parts)
+        _fill_jumps(change_v, LARGE_CHANGE * scale_v, n_large, parts)
+        return np.maximum(parts, n_least), 0.0
+    bend_v = _fill_bends(change_v, scale_v, substeps is Substeps.FIT, bend_v, parts)
+    return np.maximum(parts, n_least), bend_v
 
 
 @compiled
-def _fill_jumps(change_v: Array, large_v: float, n_large: int, n_least: int, parts: NDArray[np.int64]) -> None:
+def _fill_jumps(change_v: Array, large_v: float, n_large: int, parts: NDArray[np.int64]) -> None:
     for k in range(change_v.size):
-        parts[k] = max(n_large if abs(change_v[k]) > large_v else 1, n_least)
+        parts[k] = n_large if abs(change_v[k]) > large_v else 1
 
 
 @compiled
-def _fill_bends(
-    change_v: Array, scale_v: float, n_least: int, is_of_fit: bool, bend_v: float, parts: NDArray[np.int64]
-) -> float:
+def _fill_bends(change_v: Array, scale_v: float, is_of_fit: bool, bend_v: float, parts: NDArray[np.int64]) -> float:
     """Fill ``parts`` and return the bend left for the next step [V]."""
     turn_v, n_steps, before_v = 0.0, 1.0, 0.0
     for k in range(change_v.size):
@@ -153,7 +154,7 @@ def _fill_bends(
                 n_steps += 1.0
             asked = max(bent_v / (STRAIGHT * scale_v), turn_v / n_steps / (TURN * scale_v))
             n_parts = min(n_parts, math.ceil(min(max(asked, 1.0), N_PARTS_LARGE)))
-        parts[k] = max(n_parts, n_least)
+        parts[k] = n_parts
     return bend_v
 
 

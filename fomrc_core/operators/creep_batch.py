@@ -71,21 +71,11 @@ def _nothing_kept(n_modes: int) -> Array:
 
 @compiled_sums
 def _prepare(packed: Array, at: int, step_s: float, n_steps: int, kept: Array) -> int:
-    """Compute the coefficients of a run's step length, or take them from where they are kept; return where, or -1."""
+    """Compute the coefficients of a run's step length unless they are kept; return where, or -1 where they are not."""
     n_modes = int(packed[at + N_MODES])
     first = at + HEADER
     for place in range(_N_KEPT):
-        row = kept[place]
-        if row[_NUMBERS, _STEP] == step_s:
-            if packed[at + CACHED_STEP] != step_s:
-                packed[at + CACHED_STEP] = step_s
-                packed[at + CURRENT_WEIGHT] = row[_NUMBERS, _NOW]
-                packed[at + HELD_WEIGHT] = row[_NUMBERS, _HELD]
-                for j in range(n_modes):
-                    packed[first + DECAY * n_modes + j] = row[_DECAY, j]
-                    packed[first + FROM_PREVIOUS * n_modes + j] = row[_FROM_PREVIOUS, j]
-                    packed[first + FROM_CURRENT * n_modes + j] = row[_INPUT + 4, j]
-                    packed[first + WEIGHTED_DECAY * n_modes + j] = row[_OUT, j]
+        if kept[place, _NUMBERS, _STEP] == step_s:
             return place
     if packed[at + CACHED_STEP] != step_s:
         prepare_step(packed, at, step_s)
@@ -128,6 +118,32 @@ def _prepare(packed: Array, at: int, step_s: float, n_steps: int, kept: Array) -
 
 
 @compiled_sums
+def _prepared(packed: Array, at: int, step_s: float, n_steps: int, kept: Array) -> int:
+    """Return the same, the coefficients in the block as well."""
+    place = _prepare(packed, at, step_s, n_steps, kept)
+    if place >= 0:
+        _take_kept(packed, at, kept[place])
+    return place
+
+
+@compiled_sums
+def _take_kept(packed: Array, at: int, row: Array) -> None:
+    """Take the coefficients of a step length into the block."""
+    n_modes = int(packed[at + N_MODES])
+    first = at + HEADER
+    if packed[at + CACHED_STEP] == row[_NUMBERS, _STEP]:
+        return
+    packed[at + CACHED_STEP] = row[_NUMBERS, _STEP]
+    packed[at + CURRENT_WEIGHT] = row[_NUMBERS, _NOW]
+    packed[at + HELD_WEIGHT] = row[_NUMBERS, _HELD]
+    for j in range(n_modes):
+        packed[first + DECAY * n_modes + j] = row[_DECAY, j]
+        packed[first + FROM_PREVIOUS * n_modes + j] = row[_FROM_PREVIOUS, j]
+        packed[first + FROM_CURRENT * n_modes + j] = row[_INPUT + 4, j]
+        packed[first + WEIGHTED_DECAY * n_modes + j] = row[_OUT, j]
+
+
+@compiled_sums
 def _integrate_fours(kept: Array, modes: Array, before: float, values: Array, out: Array) -> None:
     """Fill ``out`` with what whole fours of inputs give, after the one before them; the modes move on.
 
@@ -160,6 +176,29 @@ def _integrate_fours(kept: Array, modes: Array, before: float, values: Array, ou
 
 
 @compiled_sums
+def _integrate_ones(kept: Array, modes: Array, before: float, values: Array, out: Array) -> None:
+    """Fill ``out`` with what inputs give that are no whole four, after the one before them; the modes move on."""
+    now, held = kept[_NUMBERS, _NOW], kept[_NUMBERS, _HELD]
+    for k in range(values.size):
+        value = values[k]
+        total = 0.0
+        for j in range(modes.size):
+            mode = modes[j]
+            total += kept[_OUT, j] * mode
+            modes[j] = kept[_DECAY, j] * mode + (kept[_FROM_PREVIOUS, j] * before + kept[_INPUT + 4, j] * value)
+        out[k] = now * value + held * before + total
+        before = value
+
+
+@compiled
+def _store(modes: Array, states: Array) -> None:
+    """Take the modes into the block, and what is left of none as none."""
+    for j in range(states.size):
+        modes[j] = modes[j] if abs(modes[j]) > _NEGLIGIBLE else 0.0
+        states[j] = modes[j]
+
+
+@compiled_sums
 def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array) -> None:
     """Fill ``out`` with ``I^alpha`` of the values, shape (n_samples,); the block's state moves on.
 
@@ -172,7 +211,7 @@ def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array)
     start = 0
     while start < values.size:
         stop = _end_of_run(steps_s, start)
-        place = _prepare(packed, at, steps_s[start], stop - start, kept)
+        place = _prepared(packed, at, steps_s[start], stop - start, kept)
         whole = start if place < 0 else stop - (stop - start) % _AT_ONCE
         if whole > start:
             for j in range(n_modes):
@@ -185,6 +224,46 @@ def integrate(packed: Array, at: int, values: Array, steps_s: Array, out: Array)
         for k in range(whole, stop):
             out[k] = integrate_step(packed, at, values[k], steps_s[k])
         start = stop
+
+
+@compiled_sums
+def integrate_parts(packed: Array, at: int, values: Array, steps_s: Array, out: Array) -> None:
+    """Fill ``out`` with ``integrate`` of parts of steps, to rounding, shape (n_parts,); the block's state moves on.
+
+    A step in a few parts is a run of as many, of which hardly one is long: modes stay where they are worked with from
+    run to run. ``out`` may be ``values`` itself.
+    """
+    n_modes = int(packed[at + N_MODES])
+    kept = _nothing_kept(n_modes)
+    modes = np.zeros(kept.shape[2])
+    states = packed[at + HEADER + MODE * n_modes : at + HEADER + (MODE + 1) * n_modes]
+    for j in range(n_modes):
+        modes[j] = states[j]
+    start, stored = 0, 0
+    while start < values.size:
+        stop = _end_of_run(steps_s, start)
+        last = values[stop - 1]
+        place = _prepare(packed, at, steps_s[start], stop - start, kept)
+        if place < 0:
+            _store(modes, states)
+            for k in range(start, stop):
+                out[k] = integrate_step(packed, at, values[k], steps_s[k])
+            for j in range(n_modes):
+                modes[j] = states[j]
+        else:
+            row, whole, before = kept[place], stop - (stop - start) % _AT_ONCE, packed[at + PREVIOUS]
+            if whole > start:
+                last_of_fours = values[whole - 1]
+                _integrate_fours(row, modes, before, values[start:whole], out[start:whole])
+                before = last_of_fours
+            if stop > whole:
+                _integrate_ones(row, modes, before, values[whole:stop], out[whole:stop])
+            packed[at + PREVIOUS] = last
+        if stop - stored > _LONG_RUN // 8:
+            _store(modes, states)
+            stored = stop
+        start = stop
+    _store(modes, states)
 
 
 @compiled_sums
@@ -233,7 +312,7 @@ def differentiate(packed: Array, at: int, values: Array, steps_s: Array, out: Ar
     start = 0
     while start < values.size:
         stop = _end_of_run(steps_s, start)
-        _prepare(packed, at, steps_s[start], stop - start, kept)
+        _prepared(packed, at, steps_s[start], stop - start, kept)
         if stop - start < _SHORT_RUN:
             for k in range(start, stop):
                 out[k] = differentiate_step(packed, at, values[k], steps_s[k])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammainc, gammaincc
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.records.noise_spectrum import spectrum_of
@@ -19,7 +20,7 @@ from fomrc_core.records.spectral_lines import without_lines
 # pairs of lags 1-2 and 3-4 within half of the values
 _N_CORRELATED_MIN = 10
 _MOST_UNSEEN = 0.2  # of the variance: it raises an rms by 10 %, half of what a noise known from repeats is allowed
-_ALIKE = 2.0  # standard errors within which two estimates of one noise are one
+_ALIKE = 0.023  # chance of one as far off to its side: two standard errors
 _ROUNDING = 1e-12  # of the largest displacement
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
@@ -47,8 +48,16 @@ class NoiseFloor:
         """The repeats, for they see slower noise too; the differences where there are none, or few that agree."""
         if not np.isfinite(self.repeats_um):
             return self.differences_um
-        is_alike = abs(self.repeats_um - self.differences_um) < _ALIKE * self.repeats_error * self.differences_um
-        return self.differences_um if is_alike and not self.sees_slow_noise else self.repeats_um
+        return self.differences_um if self._is_alike and not self.sees_slow_noise else self.repeats_um
+
+    @property
+    def _is_alike(self) -> bool:
+        """Whether the repeats may show the noise that the differences do: a power of few degrees of freedom."""
+        if not self.repeats_error > 0.0 or not self.differences_um > 0.0:
+            return self.repeats_um == self.differences_um
+        freedom = 0.5 / self.repeats_error**2
+        power = freedom * (self.repeats_um / self.differences_um) ** 2
+        return min(float(gammainc(0.5 * freedom, 0.5 * power)), float(gammaincc(0.5 * freedom, 0.5 * power))) > _ALIKE
 
     @property
     def sees_slow_noise(self) -> bool:

@@ -197,6 +197,21 @@ class Effect(Cause):
         """
         return self.least_parts(effects)
 
+    def turn_at_swing(self, values: Array, steps_s: Array, least: float) -> Array:
+        """Return by what a step is to be divided where it swings, so that straight parts miss so little of it.
+
+        Asked of what rings alone; as often as may be unless it knows better.
+
+        Args:
+            values: what drives it, shape (n_samples,).
+            steps_s: step that leads to each sample [s], shape (n_samples,).
+            least: what may be missed, in the unit of the values.
+
+        Returns:
+            Number of parts, not rounded, shape (n_samples,).
+        """
+        return np.full(values.size, np.inf)
+
     def step_form(self, shortest_part_s: float) -> StepForm | None:
         """Return the step for a controller, of which C and Python are made; None where there is none.
 

@@ -17,6 +17,7 @@ from fomrc_core.compute.compiled import compiled, compiled_sums
 from fomrc_core.effects.base.kernels import lag_shares
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
+_REGISTER = 8  # numbers of the widest vector register
 _SERIES_LIMIT = 0.1  # of rate times step: below it the closed form of the ramp cancels
 _N_SERIES = 9
 
@@ -31,9 +32,13 @@ def run_modes(
     state: Array, rates_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
 ) -> None:
     """Fill ``out`` with the response of real modes, shape (n_samples,); the state moves on."""
+    # in whole vector registers: modes left over cost as much as as many more
     n_modes = rates_per_s.size
-    gone, ramps = np.empty(n_modes), np.empty(n_modes)
-    before, modes = state[0], state[1 : 1 + n_modes]
+    n_whole = (n_modes + _REGISTER - 1) // _REGISTER * _REGISTER if n_modes > 1 else n_modes
+    gone, ramps, shares, modes = np.zeros(n_whole), np.zeros(n_whole), np.zeros(n_whole), np.zeros(n_whole)
+    for j in range(n_modes):
+        shares[j], modes[j] = gains[j], state[1 + j]
+    before = state[0]
     step = -1.0
     for k in range(values.size):
         if steps_s[k] != step:
@@ -43,13 +48,15 @@ def run_modes(
         now = values[k]
         rise = now - before
         total = 0.0
-        for j in range(n_modes):
+        for j in range(n_whole):
             mode = modes[j] + (ramps[j] * rise + gone[j] * (before - modes[j]))
             modes[j] = mode
-            total += gains[j] * mode
+            total += shares[j] * mode
         before = now
         out[k] = through * now + total
     state[0] = before
+    for j in range(n_modes):
+        state[1 + j] = modes[j]
 
 
 @compiled

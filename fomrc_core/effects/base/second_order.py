@@ -113,6 +113,19 @@ class SecondOrder(Effect):
         n_parts = math.ceil(2.0 * math.pi * self.frequency_hz * step_s / turn)
         return max(1, min(n_parts, self.least_parts(effects)))
 
+    def turn_at_swing(self, values: Array, steps_s: Array, least: float) -> Array:
+        """Return how often a step is to be divided where it swings as freely as it does behind these values."""
+        omega = 2.0 * math.pi * self.frequency_hz
+        sigma, damped = self.damping_ratio * omega, omega * math.sqrt(1.0 - self.damping_ratio**2)
+        position, velocity = np.empty(values.size), np.empty(values.size)
+        run_second_order(self.initial_state(), omega, self.damping_ratio, values, steps_s, position, velocity)
+        # beside the line on which it follows a line: what is left of the swing the step began with
+        slope = np.diff(values, prepend=0.0) / steps_s
+        off = position - (values - 2.0 * self.damping_ratio / omega * slope)
+        size = np.hypot(off, (velocity - slope + sigma * off) / damped) * np.exp(np.minimum(sigma * steps_s, 1.0))
+        size *= math.hypot(self.share, self.rate_share)
+        return np.asarray(damped * steps_s * np.sqrt(size / (8.0 * least)))
+
     def initial_state(self) -> Array:
         """Return (output, its rate [1/s], input) at rest."""
         return np.zeros(3)

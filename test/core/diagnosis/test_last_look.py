@@ -211,9 +211,20 @@ def test_of_what_befell_records_that_which_surely_does_better_takes_the_place(
     own = _bound(_candidate(split, "", 3.0, 3), "voltage_dependent_capacitance")
     drift = _bound(_candidate(split, "", left, 2), "thermal_drift")
     monkeypatch.setattr(last_look, "score_of_pair", lambda *_: replace(drift.score, log_gain=gain_followed))
-    # what belongs to the actuator was scored on other data, and takes no such place
-    look = _look(split, monkeypatch, own, _candidate(split, "amplifier_bandwidth", 1.0, 1), drift)
+    # what belongs to the actuator was scored on other data, and takes no such place for what held-out data say
+    look = _look(split, monkeypatch, own, _candidate(split, "amplifier_bandwidth", 2.999, 1), drift)
     assert look.better == ((0, drift) if takes_it else None)
+
+
+@pytest.mark.parametrize(("left", "n_free", "takes_it"), [(1.0, 1, True), (2.999, 3, False), (2.0, 9999, False)])
+def test_what_the_actuator_does_explains_events_that_training_surely_knows_it_by(
+    split: DataSplit, monkeypatch: pytest.MonkeyPatch, left: float, n_free: int, takes_it: bool
+) -> None:
+    own = _bound(_candidate(split, "", 3.0, 3), "voltage_dependent_capacitance")
+    other = _candidate(split, "amplifier_saturation", left, n_free)
+    assert _look(split, monkeypatch, own, other).better == ((0, other) if takes_it else None)
+    # plays bend to anything
+    assert _look(split, monkeypatch, own, _with_plays(other)).better is None
 
 
 @pytest.mark.parametrize(("gain", "is_shown", "place"), [(0.08, False, 0), (0.08, True, None), (2.0, False, None)])

@@ -85,6 +85,9 @@ def test_of_longer_records_as_many_questions_are_asked(monkeypatch: pytest.Monke
     assert WorkBudget.of(split).size == 1.0
     monkeypatch.setattr(work_budget, "_SAMPLES", 1000)  # the records have 4000, one of them held out twice
     assert WorkBudget.of(split).size == 4.0
+    # what is searched once more has been searched before
+    assert WorkBudget.of(split, is_once_more=True).size == 2.0
+    assert WorkBudget.of(split, is_thorough=True, is_once_more=True).size == 20.0
 
 
 def test_a_thorough_search_goes_on_where_another_is_cut_short(monkeypatch: pytest.MonkeyPatch) -> None:

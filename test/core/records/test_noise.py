@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fomrc_core.diagnosis.held_out_score import held_out_score, loses_to
-from fomrc_core.records.noise import autocorrelation_inflation, known_noise, noise_floor
+from fomrc_core.records.noise import NoiseFloor, autocorrelation_inflation, known_noise, noise_floor
 from fomrc_core.records.noise_estimate import estimate_noise
 from fomrc_core.records.recording import Recording
 from fomrc_core.records.repeats import find_repeats
@@ -178,3 +178,21 @@ def test_one_jump_that_a_model_misses_does_not_hide_that_it_loses_everywhere() -
         one, two = (rng.standard_normal(4_000) * np.where(rng.random(4_000) < 0.01, 20.0, 1.0) for _ in range(2))
         lost += loses_to([one], [two]) < 0.05
     assert lost < 0.05 * n + 3.0 * np.sqrt(0.05 * 0.95 * n)
+
+
+@pytest.mark.parametrize(
+    ("share", "error", "told"),
+    [
+        (1.8, 0.5, 1.0),  # of a power of two degrees of freedom 4 % are as large: the differences, which are surer
+        (2.3, 0.5, 2.3),  # and of this 0.5 %
+        (0.1, 0.5, 0.1),  # as few are as small as that; half a standard error more than nothing would have been alike
+        (0.1, 0.6, 1.0),  # of 1.4 degrees of freedom 3 % are: that says nothing
+        (0.9, 0.2, 1.0),
+    ],
+)
+def test_few_repeats_are_taken_for_the_noise_of_the_differences_where_they_may_be_it(
+    share: float, error: float, told: float
+) -> None:
+    assert NoiseFloor(1.0, share, unseen_share=0.9, repeats_error=error).floor_um == told
+    # what sees slow noise as well is taken as it is
+    assert NoiseFloor(1.0, share, unseen_share=0.0, repeats_error=error).floor_um == share
