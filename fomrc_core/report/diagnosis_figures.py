@@ -196,10 +196,13 @@ def _spectrum(axes: Axes, diagnosis: Diagnosis) -> None:
 
 
 def _gains(axes: Axes, diagnosis: Diagnosis) -> None:
-    findings = (*diagnosis.accepted, *diagnosis.stand_ins)
-    errors = [diagnosis.baseline_test_percent, *(f.nrmse_percent_test_after for f in findings)]
-    forms = [f"+ form of {f.cause}" for f in diagnosis.stand_ins]
-    names = [_BEFORE_NAME, *(f"+ {f.cause}" for f in diagnosis.accepted), *forms]
+    # in the order in which they were found, forms without a name among them: each was scored beside those before it
+    told = [(f, f"+ {f.cause}") for f in diagnosis.accepted] + [
+        (f, f"+ form of {f.cause}") for f in diagnosis.stand_ins
+    ]
+    told.sort(key=lambda pair: -pair[0].nrmse_percent_test_before)
+    errors = [diagnosis.baseline_test_percent, *(f.nrmse_percent_test_after for f, _ in told)]
+    names = [_BEFORE_NAME, *(name for _, name in told)]
     floor = normalised_percent(diagnosis.noise_floor_um, [quoted_record(diagnosis).measured_um])
     longest = max(*errors, floor)
     for place, (error, name) in enumerate(zip(errors, names, strict=True)):

@@ -344,3 +344,12 @@ def test_a_form_that_stands_in_is_shown_and_is_no_name(tmp_path: Path) -> None:
     assert "No cause was accepted" not in shown
     assert "Named:" not in shown
     assert "not named: the form of amplifier_bandwidth" in str(given)
+
+
+def test_gains_stand_in_the_order_in_which_they_were_found() -> None:
+    named = replace(_FINDING, nrmse_percent_test_before=1.2, nrmse_percent_test_after=0.4)
+    form = replace(_FINDING, cause="mains_hum", nrmse_percent_test_before=2.5, nrmse_percent_test_after=1.2)
+    given = _diagnosis(status=Status.SUSPECT, findings=(named,), stand_ins=(form,))
+    figure = where_figure(given)
+    told = [text.get_text() for axes in figure.axes for text in axes.texts if "%" in text.get_text()]
+    assert [words.split(":")[0] for words in told[1:]] == ["+ form of mains_hum", "+ amplifier_bandwidth"]
