@@ -14,5 +14,6 @@ __all__ = [
     "notebook",
     "pulse",
     "runs",
+    "vector_registers",
     "work_tally",
 ]

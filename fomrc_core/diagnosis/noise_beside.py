@@ -14,7 +14,7 @@ from dataclasses import replace
 from fomrc_core.compute.arrays import Array
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.search_state import AS_NOISE
-from fomrc_core.records.noise import noise_floor, sensor_rounding_um
+from fomrc_core.records.noise import noise_of_residuals, sensor_rounding_um
 from fomrc_core.records.quality import bridged
 
 _SURELY_LESS = 1.44  # of the power: a fifth of its rms is what noise of repeats may be off
@@ -33,8 +33,8 @@ def with_noise_beside(split: DataSplit, left_um: Sequence[Array]) -> DataSplit:
     if left_um2 >= AS_NOISE * split.noise_um2:
         return split
     recordings = [record.recording for record in split.train]
-    left = [replace(r, displacement_um=bridged(v, r.valid_samples)) for r, v in zip(recordings, left_um, strict=True)]
-    again = noise_floor(left)
+    bridged_um = [bridged(left, r.valid_samples) for left, r in zip(left_um, recordings, strict=True)]
+    again = noise_of_residuals(recordings, bridged_um)
     # noise is no larger than all that is left: then what repeats differ by is still something that came once
     is_refuted = left_um2 < split.n_used * again.floor_um**2 / _SURELY_LESS
     again_um = max(again.differences_um if is_refuted else again.floor_um, sensor_rounding_um(recordings))

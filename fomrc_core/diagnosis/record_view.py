@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from fomrc_core.diagnosis.data_split import DataSplit, HeldOut
 from fomrc_core.diagnosis.prepared import best_residual
 from fomrc_core.diagnosis.remainder import DrivenRecord
 from fomrc_core.fitting.trial_model import TrialModel
-from fomrc_core.records.noise import NoiseFloor, noise_floor, sensor_rounding_um
+from fomrc_core.records.noise import NoiseFloor, noise_of_residuals, sensor_rounding_um
 from fomrc_core.records.noise_growth import beyond_repeats
 from fomrc_core.records.quality import bridged
 from fomrc_core.records.residual import rms
@@ -80,7 +80,8 @@ def record_views(
         )
         errors.append(rms(after[record.is_used]))
         if role == "train":
-            cleaned.append(replace(record.recording, displacement_um=after))
+            cleaned.append(after)
             grows.append(beyond_repeats(record.recording, after, record.is_used))
-    again_um = max(noise_floor(cleaned).floor_um, sensor_rounding_um([r.recording for r in split.train]))
+    recordings = [record.recording for record in split.train]
+    again_um = max(noise_of_residuals(recordings, cleaned).floor_um, sensor_rounding_um(recordings))
     return tuple(views), max(errors), min(noise.floor_um, again_um) * float(np.median(grows))

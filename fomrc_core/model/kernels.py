@@ -19,7 +19,6 @@ from fomrc_core.operators.hysteresis import (
     move_plays_batch,
     move_stops,
     move_stops_batch,
-    move_widened_plays_at_once,
     move_widened_plays_batch,
 )
 
@@ -57,6 +56,17 @@ def _forward_beside_plain(
     out[:] = [step(v, dt, added) for v, dt, added in rows]
 
 
+def _forward_parts_plain(
+    packed: Array, at_creep: int, voltage_v: Array, widening: Array, beside_um: Array, steps_s: Array, out: Array
+) -> None:
+    # Many arguments: those of forward_parts, in whose place it stands without numba.
+    beside_um = beside_um if beside_um.size else np.zeros(voltage_v.size)
+    if not widening.size:
+        _forward_beside_plain(packed, at_creep, voltage_v, beside_um, steps_s, out)
+        return
+    forward_widened(packed, at_creep, voltage_v, widening, beside_um, steps_s, out)
+
+
 def _inverse_plain(packed: Array, at_creep: int, desired_um: Array, steps_s: Array, out: Array) -> None:
     step = PlainKernels(packed, at_creep).inverse
     out[:] = [step(x, dt) for x, dt in zip(desired_um.tolist(), steps_s.tolist(), strict=True)]
@@ -70,29 +80,6 @@ def forward(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out:
         moved = out[start:stop]
         move_plays_batch(packed, 0, voltage_v[start:stop], moved)
         integrate(packed, at_creep, moved, steps_s[start:stop], moved)
-
-
-@compiled_or(_forward_plain)
-def forward_parts(packed: Array, at_creep: int, voltage_v: Array, steps_s: Array, out: Array) -> None:
-    """Fill ``out`` with the displacement [um] of each part of divided steps, to rounding, shape (n_parts,)."""
-    for start in range(0, voltage_v.size, BLOCK):
-        stop = min(start + BLOCK, voltage_v.size)
-        moved = out[start:stop]
-        move_plays_at_once(packed, 0, voltage_v[start:stop], moved)
-        integrate_parts(packed, at_creep, moved, steps_s[start:stop], moved)
-
-
-@compiled_or(_forward_beside_plain)
-def forward_beside_parts(
-    packed: Array, at_creep: int, voltage_v: Array, beside_um: Array, steps_s: Array, out: Array
-) -> None:
-    """Fill ``out`` with the same where something acts beside the elements, (n_parts,)."""
-    for start in range(0, voltage_v.size, BLOCK):
-        stop = min(start + BLOCK, voltage_v.size)
-        moved = out[start:stop]
-        move_plays_at_once(packed, 0, voltage_v[start:stop], moved)
-        moved += beside_um[start:stop]
-        integrate_parts(packed, at_creep, moved, steps_s[start:stop], moved)
 
 
 @compiled_or(_forward_beside_plain)
@@ -118,14 +105,21 @@ def forward_widened(
     integrate(packed, at_creep, out, steps_s, out)
 
 
-@compiled_sums
-def forward_widened_parts(
+@compiled_or(_forward_parts_plain)
+def forward_parts(
     packed: Array, at_creep: int, voltage_v: Array, widening: Array, beside_um: Array, steps_s: Array, out: Array
 ) -> None:
-    """Fill ``out`` with the same of each part of divided steps, to rounding, shape (n_parts,)."""
-    move_widened_plays_at_once(packed, 0, voltage_v, widening, out)
-    out += beside_um
-    integrate_parts(packed, at_creep, out, steps_s, out)
+    """Fill ``out`` with the displacement [um] of each part of divided steps, to rounding, shape (n_parts,).
+
+    Factors of the thresholds and what acts beside the elements [um] are of no size where there are none.
+    """
+    for start in range(0, voltage_v.size, BLOCK):
+        stop = min(start + BLOCK, voltage_v.size)
+        moved = out[start:stop]
+        move_plays_at_once(packed, 0, voltage_v[start:stop], widening[start:stop], moved)
+        if beside_um.size:
+            moved += beside_um[start:stop]
+        integrate_parts(packed, at_creep, moved, steps_s[start:stop], moved)
 
 
 @compiled_or(_inverse_plain)

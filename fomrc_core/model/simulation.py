@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 from fomrc_core.effects import Covariates, Effect, Stage
 from fomrc_core.effects.base.covariates import NO_COVARIATES
 from fomrc_core.model.divided_drive import ElementDrive, KeptDivisions, divided_drive, largest_threshold
-from fomrc_core.model.kernels import (
-    forward,
-    forward_beside,
-    forward_beside_parts,
-    forward_parts,
-    forward_widened,
-    forward_widened_parts,
-)
+from fomrc_core.model.kernels import forward, forward_beside, forward_parts, forward_widened
 from fomrc_core.model.state import ModelState
 from fomrc_core.model.substeps import Substeps, least_parts
 from fomrc_core.model.swing_parts import least_of_steps, swinging
@@ -30,6 +23,8 @@ from fomrc_core.operators.creep import CreepModes, creep_block
 from fomrc_core.operators.hysteresis import OperatorSum, hysteresis_block
 
 Array = NDArray[np.float64]
+
+_NONE = np.empty(0)  # factors of thresholds, or what acts beside the elements, where there are none
 
 
 def relaxed_state(play_form: OperatorSum, modes: CreepModes, effects: Iterable[Effect]) -> tuple[ModelState, int]:
@@ -170,23 +165,22 @@ def displacement_of_parts(state: ModelState, at_creep: int, effects: tuple[Effec
 
 def _of_elements(state: ModelState, at_creep: int, effects: tuple[Effect, ...], drive: ElementDrive) -> Array:
     """Return the displacement of elements, what acts beside them, and creep [um], shape (n_parts,)."""
-    moved_um = np.empty(drive.voltage_v.size)
+    moved_um, added_um, widening = np.empty(drive.voltage_v.size), _NONE, drive.widening
     beside = of_stage(effects, Stage.HYSTERESIS)
+    if beside:
+        added_um = np.zeros(drive.voltage_v.size)
+        for effect in beside:
+            added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
+    elements = (state.packed, at_creep, drive.voltage_v)
+    if drive.ends is not None:
+        forward_parts(*elements, _NONE if widening is None else widening, added_um, drive.steps_s, moved_um)
     # sample by sample a batch is its steps bit for bit
-    is_divided = drive.ends is not None
-    if not beside:
-        run = forward_parts if is_divided else forward
-        run(state.packed, at_creep, drive.voltage_v, drive.steps_s, moved_um)
-        return moved_um
-    added_um = np.zeros(drive.voltage_v.size)
-    for effect in beside:
-        added_um += effect.run(state.effects[effect.name], drive.voltage_v, drive.steps_s)
-    if drive.widening is None:
-        run_beside = forward_beside_parts if is_divided else forward_beside
-        run_beside(state.packed, at_creep, drive.voltage_v, added_um, drive.steps_s, moved_um)
+    elif not beside:
+        forward(*elements, drive.steps_s, moved_um)
+    elif widening is None:
+        forward_beside(*elements, added_um, drive.steps_s, moved_um)
     else:
-        run_widened = forward_widened_parts if is_divided else forward_widened
-        run_widened(state.packed, at_creep, drive.voltage_v, drive.widening, added_um, drive.steps_s, moved_um)
+        forward_widened(*elements, widening, added_um, drive.steps_s, moved_um)
     return moved_um
 
 

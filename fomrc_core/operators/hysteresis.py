@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fomrc_core.compute.compiled import compiled_inline, compiled_sums
+from fomrc_core.compute.vector_registers import in_whole_registers
 from fomrc_core.errors import ParameterError
 
 Array = NDArray[np.float64]
 
 # Layout of a hysteresis block in a packed array: header, then thresholds, weights, play states.
 N_PLAYS, SLOPE, HEADER = range(3)
-_REGISTER = 8  # numbers of the widest vector register
 _NEVER = 1e300  # a threshold that nothing passes, widened or not
 
 
@@ -217,7 +217,7 @@ def move_plays_batch(packed: Array, at: int, values: Array, out: Array) -> None:
 def _whole_registers(thresholds: Array, weights: Array, plays: Array) -> tuple[Array, Array, Array]:
     """Return thresholds, weights and states of plays, and of so many more that never move and weigh nothing."""
     n_plays = plays.size
-    n_whole = (n_plays + _REGISTER - 1) // _REGISTER * _REGISTER
+    n_whole = in_whole_registers(n_plays)
     widths, shares, moved = np.full(n_whole, _NEVER), np.zeros(n_whole), np.zeros(n_whole)
     for j in range(n_plays):
         widths[j], shares[j], moved[j] = thresholds[j], weights[j], plays[j]
@@ -225,35 +225,17 @@ def _whole_registers(thresholds: Array, weights: Array, plays: Array) -> tuple[A
 
 
 @compiled_sums
-def move_plays_at_once(packed: Array, at: int, values: Array, out: Array) -> None:
+def move_plays_at_once(packed: Array, at: int, values: Array, widening: Array, out: Array) -> None:
     """Fill ``out`` with the play sum for each input, to rounding, shape (n_samples,); the block's state moves on.
 
-    In whole vector registers, for plays left over cost as much as as many more; so sums are in another order.
-    ``out`` may be ``values`` itself.
+    In whole vector registers, so that sums are in another order. Thresholds are widened as by
+    ``move_widened_plays_batch``, by nothing where no factor is given. ``out`` may be ``values`` itself.
     """
     n_plays, thresholds, weights, plays = _fields(packed, at)
     widths, shares, moved = _whole_registers(thresholds, weights, plays)
-    slope = packed[at + SLOPE]
+    slope, is_widened = packed[at + SLOPE], widening.size > 0
     for k in range(values.size):
-        value = values[k]
-        total = 0.0
-        for j in range(moved.size):
-            play = min(max(moved[j], value - widths[j]), value + widths[j])
-            moved[j] = play
-            total += shares[j] * play
-        out[k] = slope * value + total
-    for j in range(n_plays):
-        plays[j] = moved[j]
-
-
-@compiled_sums
-def move_widened_plays_at_once(packed: Array, at: int, values: Array, widening: Array, out: Array) -> None:
-    """Fill ``out`` with ``move_widened_plays_batch`` to rounding, summed as ``move_plays_at_once`` does."""
-    n_plays, thresholds, weights, plays = _fields(packed, at)
-    widths, shares, moved = _whole_registers(thresholds, weights, plays)
-    slope = packed[at + SLOPE]
-    for k in range(values.size):
-        value, factor = values[k], widening[k]
+        value, factor = values[k], widening[k] if is_widened else 1.0
         total = 0.0
         for j in range(moved.size):
             threshold = factor * widths[j]

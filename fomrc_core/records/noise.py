@@ -79,6 +79,11 @@ def noise_floor(recordings: Sequence[Recording]) -> NoiseFloor:
     return NoiseFloor(float(np.median(differences)), float(rms_um), float(unseen), float(error), float(slowest_s))
 
 
+def noise_of_residuals(recordings: Sequence[Recording], left_um: Sequence[Array]) -> NoiseFloor:
+    """Return the noise floor of what a model leaves of recordings [um], what it follows taken out of their repeats."""
+    return noise_floor([replace(r, displacement_um=left) for r, left in zip(recordings, left_um, strict=True)])
+
+
 def sensor_rounding_um(recordings: Sequence[Recording]) -> float:
     """Return the rms of what a sensor's step hides of the displacement [um], 0 where readings are on no lattice.
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from fomrc_core.compute.arrays import Array
 from fomrc_core.compute.compiled import compiled, compiled_sums
+from fomrc_core.compute.vector_registers import in_whole_registers
 from fomrc_core.effects.base.kernels import lag_shares
 from fomrc_core.effects.base.step_form import FieldKind, Fields, Number, StateField, StepForm, lag_ramp
 
-_REGISTER = 8  # numbers of the widest vector register
 _SERIES_LIMIT = 0.1  # of rate times step: below it the closed form of the ramp cancels
 _N_SERIES = 9
 
@@ -32,9 +32,8 @@ def run_modes(
     state: Array, rates_per_s: Array, gains: Array, through: float, values: Array, steps_s: Array, out: Array
 ) -> None:
     """Fill ``out`` with the response of real modes, shape (n_samples,); the state moves on."""
-    # in whole vector registers: modes left over cost as much as as many more
     n_modes = rates_per_s.size
-    n_whole = (n_modes + _REGISTER - 1) // _REGISTER * _REGISTER if n_modes > 1 else n_modes
+    n_whole = in_whole_registers(n_modes) if n_modes > 1 else n_modes
     gone, ramps, shares, modes = np.zeros(n_whole), np.zeros(n_whole), np.zeros(n_whole), np.zeros(n_whole)
     for j in range(n_modes):
         shares[j], modes[j] = gains[j], state[1 + j]

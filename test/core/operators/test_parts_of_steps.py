@@ -15,7 +15,7 @@ from fomrc_core.operators.hysteresis import (
     move_plays,
     move_plays_at_once,
     move_plays_batch,
-    move_widened_plays_at_once,
+    move_widened_plays_batch,
     play_states,
 )
 
@@ -69,12 +69,18 @@ def test_plays_at_once_are_plays_one_by_one(seed: int, n_plays: int, n: int) -> 
     form = OperatorSum(0.7, np.sort(rng.uniform(0.01, 5.0, n_plays)), rng.normal(size=n_plays))
     values = np.cumsum(rng.normal(size=n))
     steps, batch, whole, widened = (hysteresis_block(form) for _ in range(4))
+    one_by_one, factors = hysteresis_block(form), rng.uniform(0.5, 2.0, n)
     wanted = np.array([move_plays(steps, 0, value) for value in values])
     out = np.empty((3, n))
     move_plays_batch(batch, 0, values, out[0])
-    move_plays_at_once(whole, 0, values, out[1])
-    move_widened_plays_at_once(widened, 0, values, np.ones(n), out[2])
+    move_plays_at_once(whole, 0, values, np.empty(0), out[1])
+    move_plays_at_once(widened, 0, values, np.ones(n), out[2])
     size = 1.0 + float(np.max(np.abs(wanted)))
     np.testing.assert_allclose(out, np.broadcast_to(wanted, out.shape), rtol=0.0, atol=1e-13 * size)
+    assert np.array_equal(out[1], out[2]), "factors of one change no bit"
     for block in (batch, whole, widened):
         assert np.array_equal(play_states(block), play_states(steps))
+    move_widened_plays_batch(one_by_one, 0, values, factors, out[0])
+    move_plays_at_once(whole := hysteresis_block(form), 0, values, factors, out[1])
+    np.testing.assert_allclose(out[1], out[0], rtol=0.0, atol=1e-13 * (1.0 + float(np.max(np.abs(out[0])))))
+    assert np.array_equal(play_states(whole), play_states(one_by_one))
