@@ -19,6 +19,9 @@ _RELEASE = 0.5  # of what the drive did meanwhile: what comes at once when a stu
 # Releases of a sensor that stuck are as large as what the drive did meanwhile, here much and there little. So many of
 # one size, to a factor of two, are the steps of a converter, each of which a slow drive waits for.
 _N_ALIKE, _ALIKE = 8, 2.0
+# Of what the drive did just before the readings are equal, in as many samples: of a sensor that sticks the readings
+# went with it until then. Where they stood already, but for steps of the sensor, it is the stage that stands.
+_STOOD = 0.3
 _BACK = 0.5  # of the jump: how near a record is, after a dropout, to where it was, what the drive did taken out
 
 
@@ -101,6 +104,7 @@ def find_stuck(
         & (np.abs(jump) > 4.0 * last)
         & (np.abs(went) > 4.0 * last)
     )
+    is_released &= ~_stood_before(displacement_um, followed_um, starts, length, limit)
     if np.any(is_released):
         steps = own_steps_um(around, after[is_released])
         is_released[is_released] = ~are_like_steps(np.abs(jump[is_released]), steps)
@@ -118,6 +122,13 @@ def find_stuck(
         # the first of the equal readings was a true one
         found[start + 1 : stop] = True
     return found, float(np.max(np.abs(jump[is_stuck]), initial=0.0))
+
+
+def _stood_before(displacement_um: Array, followed_um: Array, starts: Index, length: Index, limit_um: Array) -> Mask:
+    """Return whether readings stood while the drive went on, in as many samples before each run as it has."""
+    before = np.maximum(starts - length, 0)
+    went_um, moved_um = (np.abs(x_um[starts] - x_um[before]) for x_um in (followed_um, displacement_um))
+    return np.asarray((went_um > limit_um) & (moved_um < _STOOD * went_um))
 
 
 def _finest_gap_um(values: Array) -> float:

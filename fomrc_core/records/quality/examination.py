@@ -128,12 +128,12 @@ def _masked_faults(recording: Recording, valid: Mask, step_um: float) -> list[Da
 
 
 def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: float) -> Mask:
-    """Return which samples of bursts stand where the readings before the burst stood already.
+    """Return which samples of bursts stand where the readings before the burst stood already, or stand on after it.
 
     It is the model that has moved away there: where a stage misses what its drive does, the last readings before it
-    comes back lie farthest from the model, and those before them lie ever farther. A spike leaves the reading before
-    it; a reading that came twice, as where a reader or a voltage was late, has not stood while the model moved. What
-    stands creeps by a small share of what it missed.
+    comes back lie farthest from the model, and those before them lie ever farther; where the drive turns meanwhile,
+    those about the turn. A spike leaves the readings beside it; a reading that came twice, as where a reader or a
+    voltage was late, has not stood while the model moved. What stands creeps by a small share of what it missed.
 
     Args:
         readings_um: of the record [um], shape (n_samples,).
@@ -143,13 +143,14 @@ def _stand_still(readings_um: Array, left_um: Array, is_spike: Mask, floor_um: f
     """
     stand = np.zeros(is_spike.size, dtype=np.bool_)
     for first, stop in runs_of(is_spike):
-        since = first - 1 - _N_STOOD
-        if since < 0:
-            continue
-        missed_um = abs(left_um[first - 1] - left_um[since])
-        reach_um = max(floor_um, _CREEPS * missed_um)
-        is_standing = np.all(np.abs(readings_um[since:stop] - readings_um[first - 1]) <= reach_um)
-        stand[first:stop] = missed_um > floor_um and is_standing
+        for beside, far in ((first - 1, first - 1 - _N_STOOD), (stop, stop + _N_STOOD)):
+            if not 0 <= far < is_spike.size:
+                continue
+            missed_um = abs(left_um[beside] - left_um[far])
+            reach_um = max(floor_um, _CREEPS * missed_um)
+            here = readings_um[min(first, far) : max(stop, far + 1)]
+            if missed_um > floor_um and np.all(np.abs(here - readings_um[beside]) <= reach_um):
+                stand[first:stop] = True
     return stand
 
 

@@ -200,3 +200,13 @@ def test_a_fit_is_that_of_the_record_without_its_spikes(sound: Recording) -> Non
     assert fit.rms_um == pytest.approx(clean.rms_um, rel=0.01)
     assert fit.model.creep_order == pytest.approx(clean.model.creep_order, rel=0.05)
     assert fit.data_quality[0].n_masked == at.size
+
+
+def test_a_stage_that_stood_already_is_no_sensor_that_stuck(sound: Recording) -> None:
+    # a coarse sensor reads the same for a while where the stage stands; a lead was open from well before that
+    step_um, first = 0.02, 1200
+    readings = step_um * np.round(sound.measured_um / step_um)
+    stands = readings[first] + step_um * (np.arange(60) % 2)
+    stands[40:] = readings[first]
+    quality = examine(_spoilt(replace(sound, displacement_um=readings), np.arange(first, first + 60), stands)).quality
+    assert not _found(quality, FaultKind.STUCK)

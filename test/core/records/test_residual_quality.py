@@ -134,3 +134,13 @@ def test_late_readings_stand_out_where_the_drive_is_fast_and_are_faults_all_the_
     is_late = np.zeros(voltage_v.size, dtype=np.bool_)
     is_late[np.random.default_rng(5).choice(fast, 40, replace=False)] = True
     assert not np.any(made_by_drive(is_late, voltage_v))
+
+
+@pytest.mark.parametrize("period", [40, 60, 100, 200])
+def test_a_stage_that_stands_while_its_drive_turns_is_not_left_out(period: int) -> None:
+    moved_um = 3.0 * np.abs((np.arange(N) / period) % 2.0 - 1.0)
+    turn, early = period * (1500 // period // 2 * 2), 1.5
+    readings_um = moved_um.copy()
+    # from just before the turn on: the model is beyond it for one sample or three, and on the other side of it then
+    readings_um[turn - 1 : turn + 14] = 3.0 - early * 3.0 / period
+    assert _found(moved_um, readings_um).size == 0
