@@ -15,6 +15,7 @@ _STANDS = 4.0  # noise: how far a reading strays from a level
 _MOST = 12  # openings of a record; more that look like it are the way of the stage, as play or a converter's steps
 _FAR_MORE = 4.0  # times what the stage misses in its own way, which is about as much each time
 _MOST_TRIED = 300  # jumps, the largest: of more the lead's are among them, or it is not what is wrong
+_CREEPS = 0.1  # of the jump that ends a stand: so far the stage creeps on at the voltage that stays
 _SLOWLY = 16  # samples over which noise that wanders strays
 _LEAST_SAMPLES = 3  # that stand: two alike are chance
 _LEFT = 0.1  # of what the drive has done meanwhile: the least that is left of it when it jumps
@@ -46,7 +47,8 @@ def open_times(record: RecordEvidence, noise_um: float) -> tuple[tuple[float, ..
     missed_um: list[float] = []
     moved_um = um_per_v * record.voltage_v
     for end in np.union1d(jumped, went_on):
-        begin = _begin_of_level(measured_um, moved_um, int(end), _STANDS * stray_um)
+        reach_um = _STANDS * stray_um + _CREEPS * abs(measured_um[end] - measured_um[end - 1])
+        begin = _begin_of_level(measured_um, moved_um, int(end), reach_um)
         if end - begin < _LEAST_SAMPLES or begin == 0:
             continue
         # on a ramp the level seems to begin before it does, and what the drive did since would be too much

@@ -265,3 +265,34 @@ def test_places_where_nothing_is_left_any_more_do_not_outvote_the_opening_that_i
     # what the stage does there in another way, and more of it than at the one, speaks against a lead
     turned_um = left_um + np.where((time_s >= 2.0) & (time_s < 2.3), 80.0 * np.sin(40.0 * time_s), 0.0)
     assert not IntermittentContact(opens_s=opens_s, closes_s=closes_s).is_confirmed(time_s, drive_v, turned_um)
+
+
+def test_an_opening_on_a_plateau_is_seen_where_the_stage_creeps_on_by_many_times_the_noise() -> None:
+    n, stepped, last, noise_um = 600, 330, 352, 2e-4
+    sizes = (100, 120, 110, 130, 140)
+    drive_v = np.repeat([0.0, 2.0, 5.0, 3.0, 4.0], sizes).astype(np.float64)
+    since = np.concatenate([np.arange(size) for size in sizes])
+    moved_um = drive_v - 0.3 * np.exp(-since / 60.0)
+    shown_um = moved_um.copy()
+    # the voltage that stays goes on to creep, by some hundredths of the step that is missed
+    shown_um[stepped:last] = moved_um[stepped - 1] - 0.08 * (1.0 - np.exp(-np.arange(last - stepped) / 8.0))
+    left_um = shown_um - moved_um + np.random.default_rng(5).normal(0.0, noise_um, n)
+    record = RecordEvidence(STEP_S * np.arange(n), np.full(n, STEP_S), drive_v, moved_um, left_um)
+    opens_s, closes_s = open_times(record, noise_um)
+    np.testing.assert_allclose(opens_s, [STEP_S * stepped], atol=1.5 * STEP_S)
+    np.testing.assert_allclose(closes_s, [STEP_S * last], atol=1.5 * STEP_S)
+
+
+def test_an_opening_within_a_step_of_the_drive_is_told_to_a_hundredth_of_a_sample() -> None:
+    n = 1200
+    time_s = STEP_S * np.arange(n)
+    drive_v = np.repeat([0.0, 2.0, 5.0, 3.0], 300).astype(np.float64)
+    # by how much it opens after the step began the stage has gone by as much of it
+    opens_s, closes_s = STEP_S * (599.0 + 0.43), STEP_S * 640.3
+    true = IntermittentContact(opens_s=(opens_s,), closes_s=(closes_s,))
+    moved_um = predict(_plain_with(true), FitRecord.of(Recording(time_s, drive_v, drive_v)), 0)
+    record = FitRecord.of(Recording(time_s, drive_v, moved_um))
+    begun = IntermittentContact(opens_s=(STEP_S * 599.0,), closes_s=(closes_s,))
+    (lead,) = with_times_moved(_plain_with(begun), record, 0).record_effects[0]
+    assert isinstance(lead, IntermittentContact)
+    assert lead.opens_s[0] == pytest.approx(opens_s, abs=0.01 * STEP_S)
