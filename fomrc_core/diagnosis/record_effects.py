@@ -44,9 +44,12 @@ def follow_held(model: TrialModel, split: DataSplit) -> TrialModel:
             continue
         one = part.record.using(part.record.is_used & learned_blocks(part.record.time_s.size))
         timed = {kind for kind in kinds if cause_classes()[kind].moved_times}
+        untimed = sorted(kinds - timed)
+        # beside a model that has changed since what it was fitted to then is another valley; and of several the first
+        # was fitted where the others were not known yet
+        asked_again = [kind for kind in untimed if len(kinds) > 1 or model.has(kind, part.index)]
         model = fit_one_record(model, one, part.index, kinds - timed)
-        for kind in sorted(kinds - timed) if len(kinds) > 1 else ():
-            # the first was fitted where the others were not known yet
+        for kind in asked_again:
             model = _anew_where_better(model, one, part.index, kind)
         if any(cause.has_own_times() for cause in model.causes_in(part.index)):
             # a moment in a block nobody looked at is where its neighbours put it: it is moved where all can be seen

@@ -178,3 +178,22 @@ def test_a_load_that_came_some_samples_earlier_is_no_noise_that_wanders() -> Non
     split = split_data((told[0],), told[1], None, NOISE_UM)
     fitted = refit(late, split.train)
     assert not is_no_wander(replace(candidate, fitted=fitted), split)
+
+
+def test_a_load_followed_beside_another_model_is_sought_anew_beside_the_present_one() -> None:
+    n = 2400
+    drive_v, time_s = sweeps(n, 3), STEP_S * np.arange(n)
+    learned = FitRecord.of(Recording(time_s, drive_v, drive_v))
+    plain = replace(PLAIN, record_effects=((), ()))
+    moved_um = predict(PLAIN, learned, 0) + 0.12 * settled(n, 900.3, 1600.8, 1.0)
+    held_out = HeldOut(
+        FitRecord.of(Recording(time_s, drive_v, moved_um + np.random.default_rng(2).normal(0.0, NOISE_UM, n))), 1
+    )
+    # what a model that lacked another cause took for a load there, far from what this one leaves
+    model = plain.with_cause(ExternalLoad(0.12, 5.0, 9.0, 0.01), 0).with_cause(ExternalLoad(0.3, 2.0, 1e9, 3.0), 1)
+    followed = follow_held(model, DataSplit((learned,), (held_out,), (held_out,), NOISE_UM))
+    (load,) = followed.causes_in(1)
+    assert isinstance(load, ExternalLoad)
+    assert load.displacement_um == pytest.approx(0.12, rel=0.02)
+    assert load.onset_s == pytest.approx(9.003, abs=2 * STEP_S)
+    assert load.release_s == pytest.approx(16.008, abs=2 * STEP_S)
