@@ -74,6 +74,10 @@ class Prehistory(Cause):
         """Return whether it was held or rested a hundred times as long: what creep tells of more has no slope."""
         return not self.is_plain_rest and max(self.held_s, self.resting_s) > _FAR * duration_s
 
+    def is_plausible(self, duration_s: float, step_s: float) -> bool:
+        """Return whether it lasted for a sample: what is shorter than that is no past of a drive that is sampled so."""
+        return self.is_plain_rest or max(self.held_s, self.resting_s) >= step_s
+
     def smallest_detectable(self, factor: float) -> dict[str, float]:
         """Return nothing: how far an excursion went says little of what it left."""
         return {}

@@ -72,3 +72,11 @@ def test_it_stands_among_the_causes_behind_the_hysteresis() -> None:
     names = list(cause_classes())
     assert names.index("asymmetric_hysteresis") < names.index("initial_state") < names.index("slow_relaxation")
     assert cause_classes()["initial_state"] is Prehistory
+
+
+def test_what_is_shorter_than_a_sample_is_no_past() -> None:
+    step_s, duration_s = 2e-5, 0.01
+    assert not Prehistory(-11.2, 0.0, 1e-6, 3e-6).is_plausible(duration_s, step_s)
+    assert Prehistory(-11.2, 0.0, 1e-6, 3e-4).is_plausible(duration_s, step_s)
+    assert Prehistory(-11.2, 0.0, 1e-3, 3e-6).is_plausible(duration_s, step_s)
+    assert Prehistory.long_rest(1.0).is_plausible(duration_s, 1e4), "a plain rest is no excursion, however long"
