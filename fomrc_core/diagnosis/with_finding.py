@@ -14,6 +14,7 @@ from fomrc_core.diagnosis.candidate import Candidate
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import margin_of, rivals_of, still_tied, ties_of, whitened_margin_of
 from fomrc_core.diagnosis.kin import kin_left_out
+from fomrc_core.diagnosis.kin_exchanged import with_kin_exchanged
 from fomrc_core.diagnosis.other_forms import in_best_form
 from fomrc_core.diagnosis.present_model import PresentModel
 from fomrc_core.diagnosis.record_effects import follow_held, sought_again
@@ -60,6 +61,7 @@ def with_finding(
     # whether a loop needs plays of its own held-out data say, also where nothing else has been found
     may_bring_plays = any(e.name == accepted.cause and e.owns_columns for e in final.model.effects)
     in_form = in_best_form(final, split, executor) if state.steps or may_bring_plays else final
+    in_form = with_kin_exchanged(in_form, split, executor)
     if in_form is not final:
         # those it was compared with stood beside another form: the last look compares it anew
         final, step = in_form, step.uncompared()
