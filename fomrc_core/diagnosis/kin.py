@@ -62,6 +62,12 @@ def kin_left_out(
     return tuple(own for own in begun if own is not None)
 
 
+def effect_of(name: str, parameters: Mapping[str, float]) -> Effect | None:
+    """Return the effect of that name with the parameters that its kin says; None where there can be none."""
+    begun = (kind for kind in cause_classes()[name].proposed([parameters]) if isinstance(kind, Effect))
+    return next(begun, None)
+
+
 def _kin_of(winner: Candidate) -> Mapping[str, Mapping[str, float]]:
     effect = next((e for e in winner.fitted.model.actuator_effects() if e.name == winner.cause), None)
     return {} if effect is None else effect.kin()
@@ -73,8 +79,8 @@ def _begun_where_it_is(
     """Return the cause of that name, fitted from those parameters in the place of the winner; None where it cannot."""
     if present.model.has(name):
         return None
-    begun = [kind for kind in cause_classes()[name].proposed([parameters]) if isinstance(kind, Effect)]
-    if not begun:
+    begun = effect_of(name, parameters)
+    if begun is None:
         return None
     lesser = winner.fitted.model.as_before(present.model, winner.cause)
-    return candidate_of(present, split, name, refit(lesser.with_cause(begun[0]), split.train), bound=False)
+    return candidate_of(present, split, name, refit(lesser.with_cause(begun), split.train), bound=False)

@@ -13,10 +13,10 @@ from itertools import combinations
 from fomrc_core.diagnosis.data_split import DataSplit
 from fomrc_core.diagnosis.decision import sure_gain
 from fomrc_core.diagnosis.held_out_score import SURE
+from fomrc_core.diagnosis.kin import effect_of
 from fomrc_core.effects import Effect
 from fomrc_core.fitting.joint_fit import Refit, fit_until_still, refit
 from fomrc_core.fitting.trial_model import TrialModel
-from fomrc_core.model.causes import cause_classes
 
 _FIRST_ITERATIONS = 3
 _FAR_BEHIND = 1.5  # times the squared error after them: another valley, and no better one
@@ -51,9 +51,7 @@ def _exchanged(model: TrialModel, one: Effect, other: Effect) -> TrialModel | No
     for_other, for_one = one.kin().get(other.name), other.kin().get(one.name)
     if for_other is None or for_one is None:
         return None
-    for name, parameters in ((one.name, for_one), (other.name, for_other)):
-        proposed = [kind for kind in cause_classes()[name].proposed([parameters]) if isinstance(kind, Effect)]
-        if not proposed:
-            return None
-        model = model.with_cause(proposed[0])
-    return model
+    exchanged = effect_of(one.name, for_one), effect_of(other.name, for_other)
+    if exchanged[0] is None or exchanged[1] is None:
+        return None
+    return model.with_cause(exchanged[0]).with_cause(exchanged[1])
